@@ -16,6 +16,7 @@ Names are resolved on first use (PEP 562), so importing a lower floor never runs
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import Any
 
 #: the commands, and the functions that do their work
@@ -30,7 +31,7 @@ VERBS = {
     "corpus": "mrta_falsify.verbs.stored_failures:recheck_corpus",
     "demo": "mrta_falsify.verbs.demo:demo",
     "doctor": "mrta_falsify.verbs.doctor:doctor",
-    "door_test": "mrta_falsify.verbs.door_test.testing:door_test",
+    "stack_test": "mrta_falsify.verbs.stack_test.testing:stack_test",
     "explain": "mrta_falsify.verbs.stored_failures:explain_trial",
     "export": "mrta_falsify.verbs.export:export",
     "import_": "mrta_falsify.verbs.floor_import:import_floor",
@@ -46,6 +47,9 @@ VERBS = {
     "show": "mrta_falsify.verbs.stored_trials:show_trial",
     "travel_times": "mrta_falsify.verbs.travel_times:write_travel_times",
 }
+
+#: names that changed; the old one still works, with a warning
+RENAMED = {"door_test": "stack_test"}
 
 _NAMES_OF = {
     "mrta_falsify.verbs.campaign": ("CampaignResult", "resume_campaign"),
@@ -82,6 +86,9 @@ def __getattr__(name: str) -> Any:
         from importlib import metadata  # noqa: PLC0415 - 30 ms that few imports need
 
         return metadata.version("mrta-falsify")
+    if name in RENAMED:
+        warnings.warn(f"{name} is called {RENAMED[name]} now", DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(__name__), RENAMED[name])
     if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = HOMES[name].partition(":")

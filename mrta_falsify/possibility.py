@@ -19,7 +19,6 @@ import numpy as np
 import shapely
 from shapely.geometry import LineString, Point, Polygon
 
-from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.directives import Appear, Push, begins_outside
@@ -31,6 +30,7 @@ from mrta_falsify.core.world import Blockage, HumanSpec, RobotSpec, Task, World
 from mrta_falsify.specs.books import ROOM_REACH, stop_area
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.timing import closed_travel_times
+from mrta_falsify.static_floor import StaticFloor
 from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.engines.sensing import PUT_DOWN
 
@@ -84,7 +84,7 @@ def look_at(world: World, specifications: Collection[str]) -> Possibility:
         specifications: that the stack is to keep; deadlines count if ``deadlines`` is among them.
     """
     shut, narrow = _tight_ways(world)
-    floor = BareFloor.of(world)
+    floor = StaticFloor.of(world)
     late: Iterator[str] = iter(())
     if "deadlines" in specifications and world.robots and world.tasks and not shut:
         late = _too_late(world, floor)
@@ -282,7 +282,7 @@ def _may_walk_to(human: HumanSpec, outline: Polygon, time: float) -> bool:
 
 
 @functools.lru_cache(maxsize=16)
-def _planner(floor: BareFloor, radius: float) -> Planner:
+def _planner(floor: StaticFloor, radius: float) -> Planner:
     """Plan on the walls of a floor for a body that is ``radius`` [m] wide to each side."""
     options = {"resolution": CELL, "robot_radius": radius, "inflation_radius": radius}
     planner, _ = floor.planner(options, {})
@@ -290,7 +290,7 @@ def _planner(floor: BareFloor, radius: float) -> Planner:
 
 
 @functools.lru_cache(maxsize=64)
-def _shortest_ways(floor: BareFloor, radius: float) -> Array:
+def _shortest_ways(floor: StaticFloor, radius: float) -> Array:
     """Bound the ways between rooms from below, ``(R, R)`` [m]."""
     planner, rooms = _planner(floor, radius), floor.world.rooms
     ways = np.zeros((len(rooms), len(rooms)))
@@ -324,7 +324,7 @@ def _robot_half_width(world: World, robot: int) -> float:
 # --- pushes -----------------------------------------------------------------------------------
 
 
-def _stuck_pushes(world: World, floor: BareFloor) -> Iterator[str]:
+def _stuck_pushes(world: World, floor: StaticFloor) -> Iterator[str]:
     """Name furniture that does not fit past the walls to where it is to be pushed."""
     pieces = {piece.name: piece for piece in world.movable_furniture()}
     for human in world.humans:
@@ -346,7 +346,7 @@ def _stuck_pushes(world: World, floor: BareFloor) -> Iterator[str]:
 # --- too late ---------------------------------------------------------------------------------
 
 
-def _too_late(world: World, floor: BareFloor) -> Iterator[str]:
+def _too_late(world: World, floor: StaticFloor) -> Iterator[str]:
     """Name tasks that cannot be delivered in time, alone or together."""
     times = _least_times(world, floor)
     for number, task in enumerate(world.tasks):
@@ -361,7 +361,7 @@ def _too_late(world: World, floor: BareFloor) -> Iterator[str]:
         yield from _cannot_all(world, times)
 
 
-def _least_times(world: World, floor: BareFloor) -> Array:
+def _least_times(world: World, floor: StaticFloor) -> Array:
     """Bound the travel times between rooms from below, ``(R, R)`` [s]."""
     speed = max(robot.max_speed for robot in world.robots)
     widths = [_robot_half_width(world, i) for i in range(len(world.robots))]

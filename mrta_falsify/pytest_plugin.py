@@ -69,7 +69,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "of mrta-falsify.",
     )
     group.addoption(
-        "--mrta-jittered",
+        "--mrta-perturbed",
+        "--mrta-jittered",  # its name up to 0.1
+        dest="mrta_jittered",
         type=int,
         default=2,
         metavar="N",
@@ -99,7 +101,7 @@ def pytest_collection_modifyitems(
         if item.get_closest_marker(SCENARIO) and isinstance(item, pytest.Function):
             item.fixturenames.append(FIXTURE)
     if not 0 <= config.getoption("mrta_jittered") <= MOST_JITTERED:
-        raise pytest.UsageError(f"--mrta-jittered must be from 0 to {MOST_JITTERED}")
+        raise pytest.UsageError(f"--mrta-perturbed must be from 0 to {MOST_JITTERED}")
     for directory in config.getoption("mrta_corpus"):
         items.extend(StoredFailures.from_parent(session, name=directory).collect())
 
@@ -177,7 +179,7 @@ class StoredFailure(pytest.Item):
         changes = [word for setting in option("mrta_set") for word in ("--set", setting)]
         if not given and not changes and self.row.fate == "still failing":
             return _command("replay", self.parent.name, self.name, "--live")
-        copies = ["--jittered", str(option("mrta_jittered"))]
+        copies = ["--perturbed", str(option("mrta_jittered"))]
         return _command("corpus", self.parent.name, "--only", self.name, *given, *changes, *copies)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
@@ -250,7 +252,7 @@ def pytest_runtest_call(item: pytest.Item) -> None:
     if found is None:
         return
     compares = found.campaign.settings.trials.against is not None
-    failures = [r for r in found.campaign.records if (r.wanted if compares else r.failed)]
+    failures = [r for r in found.campaign.records if (r.is_robust if compares else r.failed)]
     if failures:
         pytest.fail(_failure_text(found, failures[0], len(failures)), pytrace=False)
 

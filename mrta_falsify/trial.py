@@ -26,7 +26,7 @@ from mrta_falsify.specs.library import (
     build_specifications,
     default_specifications,
     spec_names,
-    specifications_of_copies,
+    vote_specifications,
 )
 from mrta_falsify.specs.objectives import objectives
 from simulator_interface.external.transcript import Transcript
@@ -82,14 +82,14 @@ class Judged:
         return any(verdict.violated for verdict in self.verdicts)
 
     @property
-    def is_sought(self) -> bool:
+    def is_primary(self) -> bool:
         """Whether a specification is violated that is looked for first."""
         return bool(primary(self.verdicts, self.then))
 
     @property
     def is_shut(self) -> bool:
         """Whether it fails only because the world shut a place during the run."""
-        return not self.is_sought and kind_of(self.verdicts) == "shut"
+        return not self.is_primary and kind_of(self.verdicts) == "shut"
 
     @property
     def secondary(self) -> frozenset[str]:
@@ -336,13 +336,13 @@ def _bounded(verdict: Verdict) -> Verdict:
     return dataclasses.replace(verdict, robustness=limit)
 
 
-def of_copy(job: Job) -> Job:
+def perturbed_job(job: Job) -> Job:
     """Judge by whether the run of a copy fails, and no more: a failure's copies vote on it."""
-    names = specifications_of_copies(job.specifications)
+    names = vote_specifications(job.specifications)
     return dataclasses.replace(job, specifications=names)
 
 
-def quick_stack(config: StackConfig) -> StackConfig:
+def on_kinematic_engine(config: StackConfig) -> StackConfig:
     """Put ``config`` on the kinematic engine."""
     return dataclasses.replace(config, engine=Choice("kinematic"))
 
@@ -364,7 +364,7 @@ def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...
     return tuple(name for name in default_specifications() if name not in left_out)
 
 
-def looked_for(
+def primary_and_secondary(
     specs: str | Sequence[str] = (),
     then: str | Sequence[str] = (),
     config: StackConfig | None = None,
@@ -388,6 +388,7 @@ def looked_for(
     first = tuple(name for name in named or campaign_specifications(config) if name not in last)
     if not first:
         raise ConfigError(
-            f"--then {', '.join(last)}: is all that is judged; name by --spec what comes first"
+            f"--secondary-spec {', '.join(last)}: is all that is judged; name by --spec what comes "
+            "first"
         )
     return first + last, last

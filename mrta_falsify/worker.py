@@ -22,7 +22,6 @@ from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
-from mrta_falsify.copies import NO_COPIES, Comparison, judged_by_copies, trial_score
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
@@ -30,8 +29,8 @@ from mrta_falsify.core.durable import make_folder, naming, place_error_in
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import (
     EngineRun,
-    Jittered,
     OtherRun,
+    PerturbedRuns,
     Repeats,
     TrialRecord,
     versions,
@@ -39,10 +38,18 @@ from mrta_falsify.core.record import (
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.perturbed_runs import NO_COPIES, Comparison, judged_by_vote, trial_score
 from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import Job, Judged, campaign_specifications, judge, of_copy, quick_stack
+from mrta_falsify.trial import (
+    Job,
+    Judged,
+    campaign_specifications,
+    judge,
+    on_kinematic_engine,
+    perturbed_job,
+)
 from simulator_interface.external.transcript import TRANSCRIPT_NAME, Transcript, write_transcript
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
@@ -142,18 +149,20 @@ class TrialRunner:
         began = time.perf_counter()
         config, screening = settings.stack, None
         if settings.screen:
-            quick = self._judge(world, quick_stack(config), scene)
+            quick = self._judge(world, on_kinematic_engine(config), scene)
             if not quick.failed:
-                return self._finish(world, record, quick, quick_stack(config).engine.name, began)
-            screening = engine_run(quick_stack(config).engine.name, quick, failed=True)
+                return self._finish(
+                    world, record, quick, on_kinematic_engine(config).engine.name, began
+                )
+            screening = engine_run(on_kinematic_engine(config).engine.name, quick, failed=True)
         judged = self._judge(world, config, scene)
-        said = self._ask_copies(world, config, scene, judged)
+        said = self._vote(world, config, scene, judged)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
         other = self._keep_other(world, record, said)
         record = dataclasses.replace(
             record, screening=screening, jittered=said.jittered, other=other, repeated=repeated
         )
-        if judged.is_sought and (said.jittered is None or said.jittered.robust):
+        if judged.is_primary and (said.jittered is None or said.jittered.robust):
             confirmed = self._confirm(world, config, scene, judged)
             record = dataclasses.replace(record, confirmed=confirmed)
         return self._finish(world, record, judged, config.engine.name, began, said)
@@ -169,22 +178,20 @@ class TrialRunner:
                 there = dataclasses.replace(config, engine=Choice(name))
                 run = self._judge(world, there, scene, keep_trace=False)
                 copies = settings.jittered or CONFIRMING_COPIES
-                again = functools.partial(self._judge_copy, config=there, scene=scene)
-                said = judged_by_copies(world, run, copies, again)
-            runs.append(engine_run(name, run, failed=run.is_sought, jittered=said.jittered))
+                again = functools.partial(self._judge_perturbed, config=there, scene=scene)
+                said = judged_by_vote(world, run, copies, again)
+            runs.append(engine_run(name, run, failed=run.is_primary, jittered=said.jittered))
         return tuple(runs)
 
-    def _ask_copies(
-        self, world: World, config: StackConfig, scene: Any, judged: Judged
-    ) -> Comparison:
-        if not judged.is_sought:
+    def _vote(self, world: World, config: StackConfig, scene: Any, judged: Judged) -> Comparison:
+        if not judged.is_primary:
             return NO_COPIES
         against = self._settings.against
-        return judged_by_copies(
+        return judged_by_vote(
             world,
             judged,
             self._settings.jittered,
-            functools.partial(self._judge_copy, config=config, scene=scene),
+            functools.partial(self._judge_perturbed, config=config, scene=scene),
             None if against is None else lambda copy: self._judge_other(copy, against, scene),
         )
 
@@ -221,9 +228,11 @@ class TrialRunner:
     ) -> Judged:
         return judge(trial_job(self._settings, world, config, scene), keep_trace=keep_trace)
 
-    def _judge_copy(self, copy: World, config: StackConfig, scene: Any) -> Judged:
+    def _judge_perturbed(self, copy: World, config: StackConfig, scene: Any) -> Judged:
         """Run a copy of a failing world; only whether it fails counts."""
-        return judge(of_copy(trial_job(self._settings, copy, config, scene)), keep_trace=False)
+        return judge(
+            perturbed_job(trial_job(self._settings, copy, config, scene)), keep_trace=False
+        )
 
     def _finish(
         self,
@@ -245,7 +254,7 @@ class TrialRunner:
             descriptors=judged.descriptors,
             situations=judged.situations,
             blamed=blamed(judged),
-            is_afterthought=judged.failed and not judged.is_sought and not judged.is_shut,
+            is_afterthought=judged.failed and not judged.is_primary and not judged.is_shut,
             is_shut=judged.is_shut,
             score=trial_score(judged, said),
             signature=signature(judged.verdicts),
@@ -326,7 +335,7 @@ class TrialFiles:
 
 
 def engine_run(
-    engine: str, judged: Judged, *, failed: bool, jittered: Jittered | None = None
+    engine: str, judged: Judged, *, failed: bool, jittered: PerturbedRuns | None = None
 ) -> EngineRun:
     """Sum up what a run on another engine gave."""
     return EngineRun(
@@ -418,7 +427,7 @@ def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
     """Put the campaign's stack on the engine that a record's verdicts come from."""
     if record.engine in ("", settings.stack.engine.name):
         return settings.stack
-    return quick_stack(settings.stack)
+    return on_kinematic_engine(settings.stack)
 
 
 def specifications_of(settings: TrialSettings) -> tuple[str, ...]:

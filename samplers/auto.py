@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import Cube, Feedback
-from mrta_falsify.core.protocols import Rehearsal
+from mrta_falsify.core.protocols import Preflight
 from samplers.asking import Counter
 from samplers.demanding import DemandingSampler
 from samplers.knife_edges import KnifeEdgesSampler
-from samplers.rehearsals import Rehearsals
+from samplers.preflights import Preflights
 from samplers.surrogate import SurrogateSampler
 
 DEMANDING = 0.8  # share of what is not uniform, where scenes can be rehearsed
@@ -48,7 +48,7 @@ class AutoSampler:
         robust: bool = False  #: whether knife edges are not wanted
         loads: bool = True  #: whether loads are driven up
         kin: bool = True  #: whether coincidences are proposed and learnt
-        rehearse: bool = True  #: whether scenes are looked at, where they can be
+        preflight: bool = True  #: whether scenes are looked at, where they can be
         weigh: bool = True  #: whether the model chooses among demanding scenes
         edges: bool = True  #: whether knife edges have children
 
@@ -72,10 +72,10 @@ class AutoSampler:
             KnifeEdgesSampler.Options(cube=options.cube, seed=options.seed)
         )
 
-    def rehearse_by(self, rehearsal: Rehearsal) -> None:
-        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        if self._options.rehearse:
-            shared = Rehearsals(rehearsal)
+    def rehearse_by(self, preflight: Preflight) -> None:
+        """See :class:`~mrta_falsify.core.protocols.PreflightSampler`."""
+        if self._options.preflight:
+            shared = Preflights(preflight)
             self._model.rehearse_by(shared)
             self._demanding = DemandingSampler(self._of_demanding)
             self._demanding.rehearse_by(shared)

@@ -11,12 +11,12 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
-from mrta_falsify.core.feedback import Cube, Feedback, Rehearsed
-from mrta_falsify.core.protocols import Rehearsal
+from mrta_falsify.core.feedback import Cube, Feedback, SceneLoads
+from mrta_falsify.core.protocols import Preflight
 from mrta_falsify.core.seeding import stream
 from samplers.asking import Counter, Mutator
 from samplers.gathering import Gathering
-from samplers.rehearsals import LEAST_SPREAD, Rehearsals, standardised
+from samplers.preflights import LEAST_SPREAD, Preflights, standardised
 
 USUAL = 48  # scenes drawn evenly that say what is heavy
 HEAVY = 0.9  # share of them that ask for less of what is heavy
@@ -35,7 +35,7 @@ class DemandingSampler:
     (:class:`~samplers.gathering.Gathering`), the others are children of the most demanding ones
     and of their children, now and then also of those that have been run. So all heavy tails are run
     about equally often, as novelty search visits what few have visited (Lehman and Stanley 2011).
-    Without a rehearsal it draws evenly.
+    Without a preflight it draws evenly.
 
     Who learns from runs may weigh scenes (:meth:`weigh_by`). From the tenth result on three in four
     proposals are then the best of four scenes: this one, and three that are heavy in demands drawn
@@ -56,15 +56,15 @@ class DemandingSampler:
         self._counter = Counter("demanding", options.seed)
         self._gathering = Gathering(options.cube)
         self._mutator = Mutator(options.cube)
-        self._rehearsals: Rehearsals | None = None
+        self._preflights: Preflights | None = None
         self._weigh: Callable[[Array], Array] | None = None
         draws = stream(options.seed, "sampler/demanding/usual")
         self._usual = draws.random((USUAL, options.cube.dimensions))
         self._told: list[Array] = []
 
-    def rehearse_by(self, rehearsal: Rehearsal) -> None:
-        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals.remembering(rehearsal)
+    def rehearse_by(self, preflight: Preflight) -> None:
+        """See :class:`~mrta_falsify.core.protocols.PreflightSampler`."""
+        self._preflights = Preflights.remembering(preflight)
 
     def weigh_by(self, promise: Callable[[Array], Array]) -> None:
         """Let ``promise`` of points ``(n, k)``, larger being better, choose among scenes."""
@@ -73,19 +73,19 @@ class DemandingSampler:
     def ask(self) -> Proposal:
         """Make the next proposal."""
         random = self._counter.stream()
-        if self._rehearsals is None or not self._options.cube.dimensions:
+        if self._preflights is None or not self._options.cube.dimensions:
             return self._counter.uniform(self._options.cube.dimensions)
         first = max(1, self._options.looked_at // 3)
-        drawn = self._rehearsals.of(self._drawn(random, first))
+        drawn = self._preflights.of(self._drawn(random, first))
         if not drawn:
             return self._counter.uniform(self._options.cube.dimensions)
-        run = self._rehearsals.of(self._told)
-        usual = _demands(self._rehearsals.of(self._usual) or drawn)
+        run = self._preflights.of(self._told)
+        usual = _demands(self._preflights.of(self._usual) or drawn)
         among = np.vstack([usual, _demands(drawn), *(scene.demands for scene in run)])
         varies = np.ptp(among, axis=0) > LEAST_SPREAD
         heavy = _times_heavy(run, usual, among)
         best = [
-            self._rehearsals.climb(
+            self._preflights.climb(
                 drawn,
                 functools.partial(_worth, weights=weights * varies, among=among),
                 self._mutator,
@@ -142,7 +142,7 @@ class DemandingSampler:
         ]
 
 
-def _times_heavy(run: Sequence[Rehearsed], usual: Array, among: Array) -> Array:
+def _times_heavy(run: Sequence[SceneLoads], usual: Array, among: Array) -> Array:
     """Count the runs in which each demand was heavy, ``(m,)``.
 
     Args:
@@ -158,12 +158,12 @@ def _times_heavy(run: Sequence[Rehearsed], usual: Array, among: Array) -> Array:
     return heavy
 
 
-def _worth(scenes: Sequence[Rehearsed], *, weights: Array, among: Array) -> Array:
+def _worth(scenes: Sequence[SceneLoads], *, weights: Array, among: Array) -> Array:
     """Weigh what scenes ask for, ``(n,)``, in deviations of what is known."""
     worth: Array = standardised(_demands(scenes), among) @ weights
     return worth
 
 
-def _demands(scenes: Sequence[Rehearsed]) -> Array:
+def _demands(scenes: Sequence[SceneLoads]) -> Array:
     """Stack what scenes ask for, ``(n, m)``."""
     return np.array([scene.demands for scene in scenes])

@@ -19,7 +19,7 @@ ABOUT = 0.15  # distance in a coordinate of what is about one value
 USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
 MOST_KINDS = 4  # kinds of object of which one alone may explain a margin
-DEMAND = "demand"  # kind of the coordinates that rehearsals add
+DEMAND = "demand"  # kind of the coordinates that preflights add
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.feedback import DEMANDS, LOADS, Cube, Feedback
-from mrta_falsify.core.protocols import Rehearsal
+from mrta_falsify.core.protocols import Preflight
 from samplers.asking import ALIKE, STEPS, BestResults, Counter, Mutator, evenly_in_logarithm
 from samplers.gathering import Gathering
 from samplers.margin_models import (
@@ -27,14 +27,14 @@ from samplers.margin_models import (
     loads_of,
     margins_of,
 )
-from samplers.rehearsals import Rehearsals, standardised
+from samplers.preflights import Preflights, standardised
 from samplers.scene_features import Features, Points, as_coordinates
 
 PARENTS = 8  # best scenes that have children
 REFIT = 10  # weights are chosen anew when a tenth more results are known
 BESIDE = 0.1  # distance in the cube within which a known failure repels
 TIRED = 10  # results without success after which something is tried half as often
-REHEARSED = 16  # candidates that are looked at for one proposal
+PREFLIGHTED = 16  # candidates that are looked at for one proposal
 CLIMBING = 32  # children of these that are looked at after them
 BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
@@ -88,13 +88,13 @@ class SurrogateSampler:
         self._models: dict[str, Model] = {}
         self._refit_at = 0
         self._edges = 0  # knife edges since the last robust failure
-        self._rehearsals: Rehearsals | None = None
+        self._preflights: Preflights | None = None
         self._heaviest = dict.fromkeys(LOADS, 0.0)
         self._since_heaviest = dict.fromkeys(LOADS, 0)  # results told
 
-    def rehearse_by(self, rehearsal: Rehearsal) -> None:
-        """See :class:`~mrta_falsify.core.protocols.RehearsingSampler`."""
-        self._rehearsals = Rehearsals.remembering(rehearsal)
+    def rehearse_by(self, preflight: Preflight) -> None:
+        """See :class:`~mrta_falsify.core.protocols.PreflightSampler`."""
+        self._preflights = Preflights.remembering(preflight)
         self._features = Features(self._options.cube, demands=len(DEMANDS))
 
     def ask(self) -> Proposal:
@@ -113,11 +113,11 @@ class SurrogateSampler:
             parents = parents[:PARENTS]
             promise = functools.partial(self._heaviness, load=load)
         candidates = self._candidates(random, parents)
-        if self._rehearsals is not None:
-            first = np.argsort(-promise(candidates, looked_at=False), kind="stable")[:REHEARSED]
-            scenes = self._rehearsals.of(candidates[first])
+        if self._preflights is not None:
+            first = np.argsort(-promise(candidates, looked_at=False), kind="stable")[:PREFLIGHTED]
+            scenes = self._preflights.of(candidates[first])
             if scenes:
-                best = self._rehearsals.climb(
+                best = self._preflights.climb(
                     scenes,
                     lambda scenes: promise(np.array([scene.u for scene in scenes])),
                     self._mutator,
@@ -211,12 +211,12 @@ class SurrogateSampler:
             results: whose demands scale those of the points.
             looked_at: whether the demands of the points are known; else they are as usual.
         """
-        if self._rehearsals is None:
+        if self._preflights is None:
             return self._features.of(points)
         demands = np.zeros((len(points), len(DEMANDS)))
         if looked_at:
-            told = self._rehearsals.demands(feedback.u for feedback in results)
-            demands = standardised(self._rehearsals.demands(points), told)
+            told = self._preflights.demands(feedback.u for feedback in results)
+            demands = standardised(self._preflights.demands(points), told)
         return self._features.of(np.hstack([points, as_coordinates(demands)]))
 
     def _refit(self) -> None:

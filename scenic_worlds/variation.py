@@ -49,7 +49,7 @@ def vary_world(world: World, seed: int) -> World:
     return dataclasses.replace(world, robots=robots, humans=humans, ray_noise=RAY_NOISE, seed=seed)
 
 
-def jitter_world(world: World, seed: int) -> World:
+def perturb_world(world: World, seed: int) -> World:
     """Vary a world by less than can be controlled on a real floor.
 
     Starts move within 2 cm, people's pace within 2 % and phase within 1 % of their route. Tasks
@@ -91,8 +91,8 @@ def jitter_world(world: World, seed: int) -> World:
     )
 
 
-def jittered_worlds(world: World, count: int) -> list[World]:
-    """Make ``count`` copies of ``world`` with small differences (see :func:`jitter_world`).
+def perturbed_worlds(world: World, count: int) -> list[World]:
+    """Make ``count`` copies of ``world`` with small differences (see :func:`perturb_world`).
 
     Args:
         world: any world that runs.
@@ -101,7 +101,7 @@ def jittered_worlds(world: World, count: int) -> list[World]:
     found = []
     for seed in range(count):
         try:
-            found.append(jitter_world(world, seed))
+            found.append(perturb_world(world, seed))
         except WorldError:
             continue
     return found

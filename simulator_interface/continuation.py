@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.interruption import heard
+from mrta_falsify.core.interruption import propagate_interrupts
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
-from simulator_interface.asking_again import repeats_of
+from simulator_interface.determinism_check import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
 from simulator_interface.watched_copy import run_in_watched_copy
@@ -52,7 +52,7 @@ class Running:
     def at(self, time: float) -> Running:
         """Go on to the first tick not before ``time`` [s]; what was here before is used up."""
         frame = self.last
-        with heard():
+        with propagate_interrupts():
             while frame.sensed.time < time:
                 frame = next(self.frames)
                 for specification in self.specifications:
@@ -87,7 +87,7 @@ def run_to(
     if forecasts:
         offer_forecasts(specifications, episode, frames)
     try:
-        with heard():
+        with propagate_interrupts():
             first = next(frames)
         for specification in specifications:
             specification.update(first)

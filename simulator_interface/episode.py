@@ -17,7 +17,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, Tells, no_intent
 from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
-from mrta_falsify.core.stack_failure import AskedAgain, StackFailed
+from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailed
 from mrta_falsify.core.steadiness import Memory, memory_of
 from mrta_falsify.core.world import Blockage, HumanSpec, World
 from mrta_falsify.specs.books import Books
@@ -25,14 +25,14 @@ from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.stops_served import StopsServed
 from mrta_falsify.stack.pipeline import Stack
 from mrta_falsify.stack.timers import LONGEST_OF_PUSHING, longest_timer, looks_at_plan
-from simulator_interface.asking_again import ask_again
+from simulator_interface.determinism_check import ask_again
 from simulator_interface.engines.sensing import fill_rest
 from simulator_interface.external.stack import ProcessStack
 from simulator_interface.external.transcript import Transcript
-from simulator_interface.observing import AllocatorMeter, WhatIsTold
+from simulator_interface.observing import AllocatorMeter, TellsFilter
 from simulator_interface.people.crowd import Crowd
 from simulator_interface.people.walking import PEOPLES_RADIUS
-from simulator_interface.stack_door import Answer, OpenDoor, StackDoor
+from simulator_interface.stack_calls import Answer, OpenDoor, StackCalls
 from simulator_interface.staging import (
     ForgettingPart,
     ReadableEngine,
@@ -93,7 +93,7 @@ class Episode:
     Args:
         world: what to simulate.
         config: the stack under test.
-        transcript: answers of an earlier run, for a stack in a process of its own; None: it is asked.
+        transcript: answers of an earlier run of a stack outside; None: it is asked.
     """
 
     def __init__(
@@ -109,16 +109,16 @@ class Episode:
         self.repeats: Callable[[int], bool] = lambda tick: False  #: ticks that are asked again
         self.at_end = contextlib.ExitStack()  #: what is closed with the episode
         self._meter = AllocatorMeter()
-        self._door = StackDoor(world, config) if config.stack is None else OpenDoor()
+        self._calls = StackCalls(world, config) if config.stack is None else OpenDoor()
         self._answers = transcript
         self._engine: Engine = registry.build("engine", config.engine)
         self._unbuilt: StackFailed | None = None
         try:
-            self._source, self.stack = self._door.ask(self._build, 0, 0.0)
+            self._source, self.stack = self._calls.ask(self._build, 0, 0.0)
         except StackFailed as failed:
             self._unbuilt = failed  # the episode ends at its first tick
         tells = self.outside.tells if self.outside else Tells()
-        self._told = WhatIsTold(config.withheld, len(world.robots), tells)
+        self._told = TellsFilter(config.withheld, len(world.robots), tells)
         if needs_stage(world) and self._unbuilt is None:
             self._check_stage()
         self.crowd = self._new_crowd()
@@ -253,11 +253,11 @@ class Episode:
         if self._unbuilt is not None:
             raise self._unbuilt
         if self.state is None:
-            self.state = self._door.ask(self.stack.start, sensed.tick, sensed.time)
+            self.state = self._calls.ask(self.stack.start, sensed.tick, sensed.time)
         seen = self._without_absent(sensed) if self.world.humans else sensed
         fleet = self._localisation.fleet(seen)
-        asked_again = self._ask_again(fleet) if self.repeats(sensed.tick) else None
-        answer = self._door.step(self.stack, self.state, fleet)
+        determinism = self._ask_again(fleet) if self.repeats(sensed.tick) else None
+        answer = self._calls.step(self.stack, self.state, fleet)
         self.state, command, intent, events = answer
         if self._told.keeps_back:
             intent, events = self._told.of(intent, events)
@@ -274,10 +274,10 @@ class Episode:
             blocked_by=self._tracker.update(seen, intent, served, self._told.tells, events),
             signals=self.outside.signals if self.outside else self._meter.signals,
             tells=self._told.tells,
-            asked_again=None if asked_again is None else asked_again(answer),
+            determinism=None if determinism is None else determinism(answer),
         )
 
-    def _ask_again(self, fleet: FleetState) -> Callable[[Answer], AskedAgain | None]:
+    def _ask_again(self, fleet: FleetState) -> Callable[[Answer], DeterminismCheck | None]:
         """Ask a copy of the stack a tick that the stack itself has not been asked yet."""
         if self.outside is not None:
             ask = functools.partial(self.stack.step, self.state, fleet)
@@ -314,10 +314,10 @@ class Episode:
         has_other = is_defective or config.controller != self.config.controller
         self.config = config
         time = self.tick * self.dt
-        built = self._door.ask(functools.partial(self._build, kept), self.tick, time)
+        built = self._calls.ask(functools.partial(self._build, kept), self.tick, time)
         self._source, self.stack = built
         if has_other or self.tick == 0:
-            started = self._door.ask(self.stack.start, self.tick, time)
+            started = self._calls.ask(self.stack.start, self.tick, time)
             if self.tick == 0:
                 self.state = started
             else:
@@ -413,7 +413,7 @@ class Episode:
                 assert isinstance(self._source, StagedSource)
                 outlines = tuple(things.outline(k) for k in resting)
                 furnish = functools.partial(self._source.furnish, outlines)
-                self._door.ask(furnish, sensed.tick, sensed.time)
+                self._calls.ask(furnish, sensed.tick, sensed.time)
             sensed = dataclasses.replace(sensed, furniture_pose=things.pose)
         if all(player.inside.tolist()):
             return sensed

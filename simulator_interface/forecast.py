@@ -30,7 +30,7 @@ from simulator_interface import forking
 from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
-from simulator_interface.external.conversation import TranscriptSession
+from simulator_interface.external.session import TranscriptSession
 from simulator_interface.external.transcript import QUESTIONS
 from simulator_interface.speculation import UNKNOWN, Speculation
 from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy

@@ -15,7 +15,7 @@ from mrta_falsify.specs.books import STOP_KINDS
 from mrta_falsify.specs.costly import CALLS_SIGNAL
 
 
-class WhatIsTold:
+class TellsFilter:
     """Keeps from observers what a configuration withholds, as if the stack did not tell it."""
 
     def __init__(self, withheld: Sequence[str], robots: int, tells: Tells) -> None:

@@ -10,14 +10,14 @@ import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from mrta_falsify.core.renamed import renamed_keywords
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.interruption import heard, pass_on
+from mrta_falsify.core.interruption import pass_on, propagate_interrupts
 from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
+from mrta_falsify.core.renamed import renamed_keywords
 from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
@@ -25,7 +25,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.contacts import ContactCounter
 from mrta_falsify.specs.stack_runs import StackRuns
-from simulator_interface.asking_again import repeats_of
+from simulator_interface.determinism_check import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.external.transcript import Transcript
 from simulator_interface.forecast import offer_forecasts
@@ -282,7 +282,7 @@ class EpisodeRun:
         if self.ended or not reason:
             return
         self.ended = reason
-        with heard():
+        with propagate_interrupts():
             if self._speculation is not None:
                 self._speculation.settle()
             self._ask_at_end()

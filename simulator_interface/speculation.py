@@ -170,12 +170,12 @@ class Speculation:
         return bool(last > first)
 
     def _settle(self, questions: Sequence[_Open]) -> None:
-        for question, answer in zip(questions, self._foretold(questions), strict=True):
+        for question, answer in zip(questions, self._predicted(questions), strict=True):
             if answer is not None and answer != question.watch.expected:
                 self._roll_back(question, answer)
             self._close(question, answer)
 
-    def _foretold(self, questions: Sequence[_Open]) -> list[dict[str, Any] | None]:
+    def _predicted(self, questions: Sequence[_Open]) -> list[dict[str, Any] | None]:
         """Find the answers to open questions in a copy; None: the stack fails there."""
         if not questions:
             return []

@@ -30,7 +30,7 @@ from mrta_falsify.core.stack_failure import (
     StackFailure,
     StackLimits,
 )
-from simulator_interface import stack_door
+from simulator_interface import stack_calls
 from simulator_interface.checkpoint import RolledBack, is_resumed
 from simulator_interface.failing_layer import Place, dumped_places
 from simulator_interface.forking import become_copy, ending_of
@@ -206,7 +206,7 @@ class WatchedCopy:
 
     def _dumped(self) -> list[Place]:
         text = os.pread(self._dump, MOST_DUMPED, 0).decode(errors="replace")
-        return dumped_places(text, stack_door.__file__)
+        return dumped_places(text, stack_calls.__file__)
 
     # --- in the copy -------------------------------------------------------------------------
 

@@ -164,9 +164,9 @@ def stalled():
     """A world and its judged run in which one robot stalls for good (a planted defect)."""
     from mrta_falsify.core.config import StackConfig
     from mrta_falsify.testing import planted as worlds
-    from mrta_falsify.trial import Job, judge, quick_stack
+    from mrta_falsify.trial import Job, judge, on_kinematic_engine
 
     world = worlds.same_room_twice_stalls(0)
-    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    config = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
     job = Job(world=world, config=config, early_stop=True, specifications=("no_deadlock",))
     return world, judge(job)

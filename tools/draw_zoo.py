@@ -60,11 +60,11 @@ def draw_scene(world: World, path: Path) -> None:
                 lw=0.9,
                 zorder=4,
             )
-    _draw_wishes(axes, world)
+    _draw_nominal(axes, world)
     paper.save(path)
 
 
-def _draw_wishes(axes: Axes, world: World) -> None:
+def _draw_nominal(axes: Axes, world: World) -> None:
     """Draw an arrow from each robot to where its first delivery ends."""
     seen = set()
     for task in world.tasks:

@@ -20,7 +20,7 @@ from mkdocs.structure.pages import Page
 
 import mrta_falsify as mf
 from mrta_falsify.cli import main
-from mrta_falsify.cli.door import MEANINGS
+from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent

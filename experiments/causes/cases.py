@@ -26,7 +26,7 @@ from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.stack.pipeline import Stack
 from mrta_falsify.testing.planted import PLANTS
-from mrta_falsify.trial import Job, judge, looked_for
+from mrta_falsify.trial import Job, judge, primary_and_secondary
 
 ONE_IMPLEMENTATION = ("costmap",)  # layers that no row can exchange
 HOPELESS = 4.0  # s after its arrival that a task is due, where nobody can be in time
@@ -65,7 +65,7 @@ class Case:
         """Describe the run that fails."""
         defects = () if self.kind == "hidden" else self.defects
         config = StackConfig(engine=Choice("kinematic"), defects=defects)
-        specifications, then = looked_for(self.specifications)
+        specifications, then = primary_and_secondary(self.specifications)
         return Job(
             world=self.world(),
             config=config,
@@ -111,7 +111,7 @@ def fails(case: Case) -> bool:
         except Exception:
             return False
     wanted = PLANTS[case.family].specification
-    return any(v.violated and (v.spec == wanted or judged.is_sought) for v in judged.verdicts)
+    return any(v.violated and (v.spec == wanted or judged.is_primary) for v in judged.verdicts)
 
 
 def draw(seed: int, each: int) -> Iterator[Case]:

@@ -2,7 +2,7 @@
 
     python -m experiments.door.ticks
 
-A stack that does nothing is asked by the clock of ``mrta-falsify door-test``, in Python and in C++,
+A stack that does nothing is asked by the clock of ``mrta-falsify stack-test``, in Python and in C++,
 and called in this process in the same run: rounds of the three follow each other, so that they
 have the same machine. What is added is the difference of their medians; p50 of each is the median
 of its rounds.
@@ -27,8 +27,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.door_test.episodes import TIMED_TICKS, WARM_TICKS, time_of_ticks
-from mrta_falsify.verbs.door_test.testing import FLEETS, WORLD
+from mrta_falsify.verbs.stack_test.episodes import TIMED_TICKS, WARM_TICKS, time_of_ticks
+from mrta_falsify.verbs.stack_test.testing import FLEETS, WORLD
 from scenic_worlds.layouts import load_world
 from simulator_interface.clients import mrta_stack
 from simulator_interface.episode import Episode

@@ -12,7 +12,7 @@ import yaml
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.trial import campaign_specifications, looked_for
+from mrta_falsify.trial import campaign_specifications, primary_and_secondary
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.searches import ComparisonPlan
 from mrta_falsify.verbs.stacks import load_stack
@@ -48,7 +48,7 @@ class Pair:
         """All that judge a trial, and those of them that are looked for last."""
         if not self.then:
             return self.specifications or campaign_specifications(self.stack), ()
-        return looked_for(self.specifications, self.then, self.stack)
+        return primary_and_secondary(self.specifications, self.then, self.stack)
 
     @property
     def path(self) -> Path:

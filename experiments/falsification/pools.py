@@ -80,8 +80,8 @@ def read_draws(directory: Path, pair: Pair) -> Campaign | None:
 def pool_of(name: str, records: Sequence[TrialRecord]) -> Pool:
     """Sum up draws: shares that fail, with intervals, and what a trial took."""
     judged = [record for record in records if record.status == "ok"]
-    failed = [record for record in judged if record.is_sought]
-    wanted = [record for record in judged if record.wanted]
+    failed = [record for record in judged if record.is_primary]
+    wanted = [record for record in judged if record.is_robust]
     specs = [v.spec for record in failed for v in record.verdicts if v.violated]
     return Pool(
         pair=name,
@@ -119,7 +119,7 @@ def _searches(campaign: Campaign, budget: int, *, knife_edges: bool) -> Iterator
     begin, simulated = 0, 0
     for end, record in enumerate(campaign.records, start=1):
         simulated += record.was_run
-        found = record.is_sought if knife_edges else record.wanted
+        found = record.is_primary if knife_edges else record.is_robust
         if found or simulated == budget:
             yield dataclasses.replace(campaign, records=campaign.records[begin:end])
             begin, simulated = end, 0

@@ -1,8 +1,8 @@
 """The benchmark suite: how samplers do on frozen scenario and stack pairs.
 
-    python -m experiments.falsification.suite rates DIR [--trials 200] [--jittered 4]
+    python -m experiments.falsification.suite rates DIR [--trials 200] [--perturbed 4]
     python -m experiments.falsification.suite search DIR [--samplers random auto ...] [--repeats 10]
-    python -m experiments.falsification.suite modes DIR [--budget 200] [--jittered 4]
+    python -m experiments.falsification.suite modes DIR [--budget 200] [--perturbed 4]
     python -m experiments.falsification.suite confirm DIR
     python -m experiments.falsification.suite keep DIR --code VERSION [-o OUT]
     python -m experiments.falsification.suite table DIR [-o OUT]
@@ -11,7 +11,7 @@
 draws uniform worlds and counts failures: what makes a pair easy or hard, and the searches of
 ``random`` in the table. ``search`` is
 ``mrta-falsify compare`` on each pair, on the kinematic engine; ``modes`` one search per sampler
-that runs its budget out, with ``--jittered`` going for robust failures; ``confirm`` runs each
+that runs its budget out, with ``--perturbed`` going for robust failures; ``confirm`` runs each
 search's first failure, and its first robust one, again in PyBullet. ``keep`` adds what searches
 and pools in DIR came to to files in OUT, so that machines and sessions may share a suite; ``table``
 sums up both, and compares searches with pools. Each goes on where it was interrupted; ``--pairs``
@@ -73,8 +73,8 @@ def confirm(pairs: Iterable[Pair], options: argparse.Namespace) -> None:
                 if part != pair.name
             )
             campaign = open_campaign(settings.parent)
-            failed = [record for record in campaign.records if record.is_sought]
-            robust = [record for record in failed if record.wanted]
+            failed = [record for record in campaign.records if record.is_primary]
+            robust = [record for record in failed if record.is_robust]
             for record in {r.number: r for r in (*failed[:1], *robust[:1])}.values():
                 if (pair.name, name, record.id) not in known:
                     row = {"pair": pair.name, "search": name, **in_physics(pair, campaign, record)}
@@ -98,7 +98,7 @@ def in_physics(pair: Pair, campaign: Campaign, record: TrialRecord) -> dict[str,
         "jittered": [copies.failed, copies.runs] if copies is not None else None,
         "kinematic": sorted(v.spec for v in record.verdicts if v.violated),
         "bullet": sorted(v.spec for v in judged.verdicts if v.violated),
-        "confirmed": judged.is_sought,
+        "confirmed": judged.is_primary,
     }
 
 
@@ -122,7 +122,7 @@ def main() -> None:
     parser.add_argument("--budget", type=int, default=100)
     parser.add_argument("--trials", type=int, default=200, help="of rates")
     parser.add_argument("--seed", type=int, default=0, help="of the first repeat")
-    parser.add_argument("--jittered", type=int, default=0, help="copies of each failing world")
+    parser.add_argument("--perturbed", dest="jittered", type=int, default=0, help="copies of each failing world")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--code", default="", help="of keep: the version that proposed")
     parser.add_argument("-o", "--output", type=Path, default=HERE / "results")

@@ -112,9 +112,9 @@ def modes_table(pairs: Iterable[Pair], options: argparse.Namespace) -> list[dict
         for folder in sorted(path.parent for path in root.glob(f"*/*/{SETTINGS}")):
             campaign = open_campaign(folder)
             records = [record for record in campaign.records if record.status == "ok"]
-            kinds = {"failed": [record for record in records if record.is_sought]}
+            kinds = {"failed": [record for record in records if record.is_primary]}
             if campaign.settings.trials.jittered:
-                kinds["robust"] = [record for record in records if record.wanted]
+                kinds["robust"] = [record for record in records if record.is_robust]
             row = {"pair": pair.name, "sampler": folder.parent.name, "seed": int(folder.name)}
             row["trials"] = len(records)
             for kind, of in kinds.items():

@@ -41,10 +41,10 @@ from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.edits import things_of
 from mrta_falsify.verbs.minimize.reruns import PERTURBED
-from mrta_falsify.verbs.minimize.telling import minimal_text
+from mrta_falsify.verbs.minimize.sentences import minimal_text
 from mrta_falsify.worker import specifications_of
 from scenic_worlds.program import compile_program
-from scenic_worlds.variation import jittered_worlds
+from scenic_worlds.variation import perturbed_worlds
 from simulator_interface.starts import check_starts
 
 STUDY = "minimising"
@@ -152,7 +152,7 @@ def _most_fail(job: Job, world: World, wanted: str) -> bool:
     spec = wanted.split("/", maxsplit=1)[0]
     runs = [
         judge(dataclasses.replace(job, world=copy), keep_trace=False)
-        for copy in jittered_worlds(world, PERTURBED)
+        for copy in perturbed_worlds(world, PERTURBED)
     ]
     failed = sum(any(v.violated and v.spec == spec for v in run.verdicts) for run in runs)
     return 2 * failed > len(runs)

@@ -30,7 +30,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import Job, campaign_specifications, judge
 from scenic_worlds.program import Program, compile_program, scenario_path
-from scenic_worlds.variation import jittered_worlds
+from scenic_worlds.variation import perturbed_worlds
 
 ENGINES = ("kinematic", "bullet", "mujoco")
 FIRST = "kinematic"
@@ -168,7 +168,7 @@ def judged_on_all(of: Row, world: World, copies: int) -> Row:
     kinds = {engine: run(world, engine) for engine in ENGINES}
     row = {"scenario": of["scenario"], "seed": of["seed"], "world": of["world"], "kinds": kinds}
     if len(set(kinds.values())) > 1:
-        varied = jittered_worlds(world, copies)
+        varied = perturbed_worlds(world, copies)
         row["copies"] = {engine: [run(copy, engine) for copy in varied] for engine in ENGINES}
     return row
 

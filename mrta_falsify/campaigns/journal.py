@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar
 from mrta_falsify.core import codec
 from mrta_falsify.core.durable import CLOSED, append, place_error, sync_directory
 from mrta_falsify.core.errors import FormatError, InputError, PlaceError
-from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.interruption import describe_interrupt
 from mrta_falsify.core.parsing import parse_json
 
 A = TypeVar("A")
@@ -94,7 +94,7 @@ class RunJournal(Generic[A]):
 
 
 @contextlib.contextmanager
-def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
+def resumable(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
     """Let an interruption, or a full disk, inside say which finished runs are kept.
 
     Args:
@@ -112,7 +112,7 @@ def going_on(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
         return kept, f"{what} has no result; the same command goes on"
 
     try:
-        with telling(state):
+        with describe_interrupt(state):
             yield
     except PlaceError as error:
         kept, _ = state()

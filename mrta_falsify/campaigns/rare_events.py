@@ -47,7 +47,7 @@ def estimated_probability(campaign: Campaign) -> Probability:
     errors = f"{undecided} trials ended in an error and count as not drawn" if undecided else ""
     return replace(
         found,
-        failures=sum(record.is_sought for record in told),
+        failures=sum(record.is_primary for record in told),
         trials=sum(record.status == "ok" for record in told),
         undecided=undecided,
         note="; ".join(part for part in (found.note, errors) if part),

@@ -28,7 +28,7 @@ from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.feedback import Cube, Feedback
-from mrta_falsify.core.protocols import Rehearsal, RehearsingSampler, Sampler, SkippingSampler
+from mrta_falsify.core.protocols import Preflight, PreflightSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import kind_of, secondary
 from mrta_falsify.specs.objectives import differing
@@ -61,7 +61,7 @@ class Progress:
     impossible: int = 0  #: worlds that no stack can do, set apart
     errors: int = 0  #: that older versions stored for trials that were lost
     failed: int = 0
-    wanted: int = 0  #: of the failures, those that count for ``stop_after``
+    robust: int = 0  #: of the failures, those that count for ``stop_after``
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
     kinds: Counter[str] = field(default_factory=Counter)  #: of the other failures, by ``kind_of``
     on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
@@ -82,7 +82,7 @@ class Progress:
     @property
     def has_enough(self) -> bool:
         """Whether ``stop_after`` is reached."""
-        return 0 < self.limits.stop_after <= self.wanted
+        return 0 < self.limits.stop_after <= self.robust
 
     def take(self, record: TrialRecord) -> None:
         """Count a told record."""
@@ -107,12 +107,12 @@ class Progress:
                 self.by_specification[verdict.spec] = count + 1
         if record.failed:
             self.failed += 1
-            self.wanted += record.wanted
+            self.robust += record.is_robust
             self.afterthoughts += record.is_afterthought
             if not record.is_afterthought:
                 self.kinds[kind_of(record.verdicts)] += 1
             self.on_both += record.fails_on_both
-            if self.first_failure is None and record.is_sought:
+            if self.first_failure is None and record.is_primary:
                 self.first_failure = self.ran
 
 
@@ -166,16 +166,16 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
         score=record.score if record.jittered is None else ROBUST_SHARE + record.score,
-        objectives={n: told for n, told in _margins_told(record).items() if n not in last},
+        objectives={n: told for n, told in _margins_of(record).items() if n not in last},
         descriptors=record.descriptors,
-        failed=record.is_sought,
-        signature=_kind(record) if record.is_sought else "",
-        mode=record.signature if record.is_sought else "",
+        failed=record.is_primary,
+        signature=_kind(record) if record.is_primary else "",
+        mode=record.signature if record.is_primary else "",
         blamed=cube.blocks_of(record.blamed),
     )
 
 
-def _margins_told(record: TrialRecord) -> dict[str, float]:
+def _margins_of(record: TrialRecord) -> dict[str, float]:
     if record.jittered is not None:
         return record.jittered.objectives
     other = record.other
@@ -186,7 +186,7 @@ def _margins_told(record: TrialRecord) -> dict[str, float]:
 
 def _kind(record: TrialRecord) -> str:
     copies = record.jittered
-    if copies is None or record.wanted:
+    if copies is None or record.is_robust:
         return record.signature
     if copies.robust and record.other is not None and record.other.jittered is not None:
         theirs = record.other.jittered
@@ -200,9 +200,9 @@ def run_campaign(
     executor: Executor,
     *,
     on_record: Callable[[TrialRecord, bool], None] = lambda record, is_new: None,
-    on_told: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
+    on_feedback: Callable[[TrialRecord, Progress], None] = lambda record, progress: None,
     on_note: Callable[[str], None] = lambda text: None,
-    rehearsal: Rehearsal | None = None,
+    preflight: Preflight | None = None,
 ) -> tuple[Progress, Ended]:
     """Run a campaign, or what is missing of it, within limits.
 
@@ -213,9 +213,9 @@ def run_campaign(
         limits: how much to run.
         executor: open for ``store.settings``.
         on_record: called when a record is durable, with whether it is new.
-        on_told: called when the sampler knows a record, in number order.
+        on_feedback: called when the sampler knows a record, in number order.
         on_note: called when a trial was lost and is run again, with why.
-        rehearsal: by which samplers may look at scenes before they propose one.
+        preflight: by which samplers may look at scenes before they propose one.
 
     Returns:
         Counts over all told records and why it ended.
@@ -227,7 +227,7 @@ def run_campaign(
         HarnessError: a trial was lost each time; nothing of it is stored.
         KeyboardInterrupt: Ctrl-C; all finished trials are in the store.
     """
-    loop = _Loop(store, limits, executor, on_record, on_told, on_note, rehearsal)
+    loop = _Loop(store, limits, executor, on_record, on_feedback, on_note, preflight)
     return loop.progress, loop.run()
 
 
@@ -246,20 +246,20 @@ class _Loop:
         limits: Limits,
         executor: Executor,
         on_record: Callable[[TrialRecord, bool], None],
-        on_told: Callable[[TrialRecord, Progress], None],
+        on_feedback: Callable[[TrialRecord, Progress], None],
         on_note: Callable[[str], None],
-        rehearsal: Rehearsal | None,
+        preflight: Preflight | None,
     ) -> None:
         self.progress = Progress(limits)
         self._store = store
         self._limits = limits
         self._executor = executor
         self._on_record = on_record
-        self._on_told = on_told
+        self._on_feedback = on_feedback
         self._on_note = on_note
         self._sampler = build_sampler(store.settings)
-        if rehearsal is not None and isinstance(self._sampler, RehearsingSampler):
-            self._sampler.rehearse_by(rehearsal)
+        if preflight is not None and isinstance(self._sampler, PreflightSampler):
+            self._sampler.rehearse_by(preflight)
         self._proposals: dict[int, Array] = {}
         self._uniform: set[int] = set()  # proposals that were drawn evenly
         self._asked = 0
@@ -396,4 +396,4 @@ class _Loop:
         self._sampler.tell(feedback_of(record, settings.cube, settings.trials.then))
         self._proposals.pop(record.number, None)
         self.progress.take(record)
-        self._on_told(record, self.progress)
+        self._on_feedback(record, self.progress)

@@ -14,7 +14,7 @@ import numpy as np
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.probability import Probability
-from mrta_falsify.core.record import Jittered
+from mrta_falsify.core.record import PerturbedRuns
 
 GRID = 1024  # points at which an end of the interval is looked for, per refinement
 
@@ -90,7 +90,7 @@ def failure_probability(
     )
 
 
-def chance_in_copies(copies: Jittered, most: int) -> Probability:
+def chance_in_vote(copies: PerturbedRuns, most: int) -> Probability:
     """Estimate how probably a copy of a world fails, from copies that ended once decided.
 
     Copies that were not run count both ways, as trials without an answer do. So the interval

@@ -10,7 +10,7 @@ import click
 
 from mrta_falsify.cli import output
 from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.names import SCENARIO, component
 from mrta_falsify.cli.options import (
@@ -100,7 +100,7 @@ def campaign_command(
                 str(scenario),
                 **options,
                 on_record=watch.on_record,
-                on_told=watch.on_told,
+                on_feedback=watch.on_feedback,
                 on_note=watch.say,
             )
     if result.ended == "interrupted":
@@ -147,7 +147,7 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
             directory,
             **given,
             on_record=watch.on_record,
-            on_told=watch.on_told,
+            on_feedback=watch.on_feedback,
             on_note=watch.say,
         )
 
@@ -183,7 +183,7 @@ def _exit_code(result: CampaignResult) -> int:
     if result.ended == "interrupted":
         return ExitCode.INTERRUPTED
     compares = result.campaign.settings.trials.against is not None
-    if progress.wanted if compares else progress.failed:
+    if progress.robust if compares else progress.failed:
         return ExitCode.VIOLATED
     nothing_ran = progress.errors and progress.errors == progress.ran
     return ExitCode.HARNESS if nothing_ran else ExitCode.DONE

@@ -60,7 +60,7 @@ class CampaignWatch:
             place = shlex.quote(str(self._directory))
             self.say(f"  replay it by: mrta-falsify replay {place} {record.id}")
 
-    def on_told(self, record: TrialRecord, counts: Progress) -> None:
+    def on_feedback(self, record: TrialRecord, counts: Progress) -> None:
         """Show how far the campaign is."""
         limits = counts.limits
         budget, spent = limits.budget, time.monotonic() - self._began
@@ -105,9 +105,9 @@ def _announced_kind(record: TrialRecord) -> str:
         return "place that the world shut"
     if record.is_afterthought:
         return "failure only in what is looked for last"
-    if not record.is_sought:
+    if not record.is_primary:
         return "failure that the other stack does not pass either"
-    return "failure" if record.wanted else "knife edge"
+    return "failure" if record.is_robust else "knife edge"
 
 
 def _new_bar() -> Any:
@@ -168,7 +168,7 @@ def print_campaign(result: CampaignResult) -> None:
     out.print(
         f"{data.ran} {'trial' if data.ran == 1 else 'trials'} "
         f"({data.sim_hours:.2f} h simulated in {data.wall_s:.0f} s): "
-        f"{kinds_text(data.kinds)}{_looked_for_last(data)}; "
+        f"{kinds_text(data.kinds)}{_secondary_note(data)}; "
         f"{data.rejected} scenes rejected, {data.impossible} impossible, {data.errors} errors; "
         f"ended: {data.ended}"
     )
@@ -217,14 +217,17 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     """Say why failures did not stop a campaign that is to stop at some; empty: they did."""
     progress = result.progress
     asked = progress.limits.stop_after
-    if not asked or not data.failed or progress.wanted >= asked or data.ended == "interrupted":
+    if not asked or not data.failed or progress.robust >= asked or data.ended == "interrupted":
         return ""
     sought = data.failed - data.afterthoughts - data.kinds["shut"]
     few = "that few copies share"
     passed_over = [
         (data.afterthoughts, f"only in {' or '.join(data.then)}"),
         (data.kinds["shut"], "shut by the world"),
-        (sought - progress.wanted, f"{few}, or the other stack, too" if data.against else few),
+        (
+            sought - progress.robust,
+            f"{few}, or the other stack, too" if data.against else few,
+        ),
     ]
     counts = [f"{count} {what}" for count, what in passed_over if count]
     if not counts:
@@ -232,7 +235,7 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     return f"--stop-after {asked} counts other failures than these: {listed(counts)}"
 
 
-def _looked_for_last(data: CampaignSummary) -> str:
+def _secondary_note(data: CampaignSummary) -> str:
     """Count the failures only in what is looked for last."""
     return f", {data.afterthoughts} only in {' or '.join(data.then)}" if data.then else ""
 

@@ -9,7 +9,7 @@ import click
 
 from mrta_falsify.campaigns.settings import Limits, TrialSettings
 from mrta_falsify.cli import output
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.names import SCENARIO
 from mrta_falsify.cli.options import (

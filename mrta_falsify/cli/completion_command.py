@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import get_completion_class
 
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 
 if TYPE_CHECKING:

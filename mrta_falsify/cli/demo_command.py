@@ -10,7 +10,7 @@ import click
 
 from mrta_falsify.cli import output
 from mrta_falsify.cli.campaign_output import CampaignWatch, print_campaign, say_interrupted
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import output_option, seed_option, stack_options
 from mrta_falsify.cli.run_commands import print_run
@@ -51,7 +51,12 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
         click.echo(f"{title} ({what}, at most {search.trials} trials)")
         with CampaignWatch(folder / search.name) as watch:
             result = demo.run_search(
-                search, seed, config, folder, on_record=watch.on_record, on_told=watch.on_told
+                search,
+                seed,
+                config,
+                folder,
+                on_record=watch.on_record,
+                on_feedback=watch.on_feedback,
             )
         if result.ended == "interrupted":
             say_interrupted(result)

@@ -10,7 +10,7 @@ import click
 
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.cli import output
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import (
     FILE,
@@ -141,8 +141,8 @@ def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, st
     unless an ID is given.
     """
     from mrta_falsify.core import codec
+    from mrta_falsify.verbs.certify.sentences import claim_sentences
     from mrta_falsify.verbs.certify.stored import certify_trials
-    from mrta_falsify.verbs.certify.telling import claim_sentences
 
     found = certify_trials(directory, id, run=run, trust=trust)
     certified = sum(trial.certificate is not None for trial in found)
@@ -189,7 +189,7 @@ def minimize_command(
     from mrta_falsify.core.findings import finding_data
     from mrta_falsify.verbs.minimize.minimising import expected_runs
     from mrta_falsify.verbs.minimize.reruns import PERTURBED
-    from mrta_falsify.verbs.minimize.telling import minimal_text
+    from mrta_falsify.verbs.minimize.sentences import minimal_text
     from mrta_falsify.verbs.stored_failures import minimize_trial
     from mrta_falsify.verbs.stored_trials import compared_sentences
     from mrta_falsify.verbs.trust import open_to_run, permit_runs
@@ -311,7 +311,7 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
 
 
 def _print_rechecks(rows: tuple[Recheck, ...]) -> None:
-    table = output.new_table("id", "fate", "was", "now", "jittered")
+    table = output.new_table("id", "fate", "was", "now", "perturbed")
     for row in rows:
         failing = f"{row.jittered_failures} of {row.jittered} fail"
         style = None if row.fate == "fixed" else "red"
@@ -346,7 +346,7 @@ def _zoo(name: str, style: str, options: dict[str, Any]) -> int:
 
 
 def _print_scenes(rows: tuple[SceneCheck, ...]) -> None:
-    table = output.new_table("scene", "known", "this stack", "jittered", "what happened")
+    table = output.new_table("scene", "known", "this stack", "perturbed", "what happened")
     for row in rows:
         failing = f"{row.jittered_failures} of {row.jittered} fail"
         style = None if row.is_as_known else "red"

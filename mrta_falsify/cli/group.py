@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import click
 
-from mrta_falsify.cli.door import MEANINGS, Door, ExitCode
+from mrta_falsify.cli.exits import MEANINGS, Door, ExitCode
 from mrta_falsify.core.errors import UnknownNameError
 
 
@@ -59,7 +59,7 @@ COMMANDS = {
         "Check this machine: libraries, cache, determinism.",
         failed="something needed is broken",
     ),
-    "door-test": Listed(
+    "stack-test": Listed(
         "machine_commands",
         "Test a stack in a process of its own.",
         violated="a check failed",
@@ -88,6 +88,8 @@ COMMANDS = {
     "travel-times": Listed("run_commands", "Measure how long a robot takes from room to room."),
 }
 
+#: commands and options whose names changed; the old one still works, with a warning
+RENAMED = {"door-test": "stack-test", "--jittered": "--perturbed", "--then": "--secondary-spec"}
 #: commands that are gone: what to do instead
 REMOVED = {"serve": "`mrta-falsify report DIR --watch 5 --open` rewrites the page while it runs"}
 
@@ -101,7 +103,17 @@ def exit_codes(name: str) -> dict[int, str]:
 
 
 class CommandWithCodes(click.Command):
-    """A command whose help ends with its own exit codes."""
+    """A command whose help ends with its own exit codes, and that knows old names of options."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments, old names of options replaced."""
+        flags = {flag for param in self.params for flag in param.opts}
+        for place, word in enumerate(args):
+            flag, equals, value = word.partition("=")
+            if flag in RENAMED and flag not in flags and RENAMED[flag] in flags:
+                _warn_renamed(flag)
+                args[place] = RENAMED[flag] + equals + value
+        return super().parse_args(ctx, args)
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the epilog, then what exit codes 1 and 3 mean here."""
@@ -112,6 +124,10 @@ class CommandWithCodes(click.Command):
         if lines:
             formatter.write_paragraph()
             formatter.write_text(" ".join(lines))
+
+
+def _warn_renamed(name: str) -> None:
+    click.echo(f"note: {name} is called {RENAMED[name]} now", err=True)
 
 
 class LazyDoor(Door):
@@ -137,6 +153,9 @@ class LazyDoor(Door):
         Raises:
             click.UsageError: there is none of that name.
         """
+        if args and args[0] in RENAMED:
+            _warn_renamed(args[0])
+            args = [RENAMED[args[0]], *args[1:]]
         if args and args[0] in REMOVED:
             raise click.UsageError(f"{args[0]} is gone: {REMOVED[args[0]]}", ctx)
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):

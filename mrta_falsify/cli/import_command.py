@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import FILE, FiniteRange, format_option, output_option
 from mrta_falsify.core.claims import claim_kind

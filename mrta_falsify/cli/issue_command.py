@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mrta_falsify.cli import output as printing
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import (
     format_option,

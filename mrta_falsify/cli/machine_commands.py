@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.names import component
 from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
@@ -140,20 +140,20 @@ def doctor_command(style: str) -> int:
     return ExitCode.DONE if is_healthy(checks) else ExitCode.HARNESS
 
 
-@main.command("door-test")
+@main.command("stack-test")
 @click.argument("command", metavar="CMD|FILE")
 @fleets_option("6,24,100", "Fleet sizes whose ticks are timed.")
 @format_option
-def door_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
+def stack_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
     """Test a stack in a process of its own: protocol, determinism, copies, speed.
 
     CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`.
     """
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.door_test.testing import door_test, steps
+    from mrta_falsify.verbs.stack_test.testing import stack_test, steps
 
-    with output.progress("door-test", steps(robots), "steps") as on_progress:
-        report = door_test(command, robots=robots, on_progress=on_progress)
+    with output.progress("stack-test", steps(robots), "steps") as on_progress:
+        report = stack_test(command, robots=robots, on_progress=on_progress)
     if style == "json":
         output.print_json({"passed": report.passed, **codec.encode(report)})
         return ExitCode.DONE if report.passed else ExitCode.VIOLATED

@@ -128,6 +128,10 @@ def campaign_options(command: Command) -> Command:
     return command
 
 
+#: options that are named otherwise than the stored field
+FLAGS = {"jittered": "perturbed", "then": "secondary_spec"}
+
+
 def setting_option(
     settings: type, name: str, *, default: Any = None, text: str = ""
 ) -> Callable[[Command], Command]:
@@ -144,7 +148,8 @@ def setting_option(
     kind, metavar = _parameter_type(name, hint, field.metadata["rule"])
     chosen = field.default if default is None else default
     return click.option(
-        f"--{name.replace('_', '-')}",
+        f"--{FLAGS.get(name, name).replace('_', '-')}",
+        name,
         type=kind,
         metavar=metavar,
         is_flag=kind is bool,
@@ -259,15 +264,15 @@ def spec_option(command: Command) -> Command:
 
 
 def then_option(command: Command) -> Command:
-    """Add repeatable ``--then NAME``, what is looked for last, as ``then``."""
+    """Add repeatable ``--secondary-spec NAME`` as ``then``."""
     return click.option(
-        "--then",
+        "--secondary-spec",
         "then",
         type=component("specification"),
         multiple=True,
         metavar="NAME",
-        help="Look for violations of this specification last. Repeatable; default: deadlines and "
-        "all_tasks_done, or none with --spec.",
+        help="Specification whose violation ends no trial early and does not count for "
+        "--stop-after. Repeatable; default: deadlines and all_tasks_done, or none with --spec.",
     )(command)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mrta_falsify.cli import output
-from mrta_falsify.cli.door import ExitCode
+from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.options import (
     FILE,
@@ -54,10 +54,10 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
             lists = {"violated": " ".join(row.violated), "not_judged": " ".join(row.not_judged)}
             writer.writerow({**codec.encode(row), **lists})
     else:
-        from mrta_falsify.verbs.report.build import told_in_short
+        from mrta_falsify.verbs.report.build import short_summary
 
         _print_trials(rows)
-        for text in told_in_short(campaign, {row.id: row.layer for row in rows}):
+        for text in short_summary(campaign, {row.id: row.layer for row in rows}):
             output.stdout().print(text)
     return ExitCode.DONE
 
@@ -104,7 +104,7 @@ def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
     from mrta_falsify.core.claims import KIND_TEXT
     from mrta_falsify.specs.causes import kind_of
-    from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
+    from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
     from mrta_falsify.verbs.stored_trials import (
         compared_sentences,
         explained_reason,

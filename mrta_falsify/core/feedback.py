@@ -13,7 +13,7 @@ from mrta_falsify.core.codec import later, quantity
 
 #: descriptors of how much a run asked of the stack, see :mod:`mrta_falsify.specs.loads`
 LOADS = ("queue", "waiting", "chain", "crowd", "waited", "rerouted")
-#: what a scene asks of any stack before it runs, see :mod:`mrta_falsify.rehearsal`
+#: what a scene asks of any stack before it runs, see :mod:`mrta_falsify.preflight`
 DEMANDS = (
     "queue",  #: robots that wait for one room
     "gathered",  #: robots that come to one room at about one time
@@ -155,7 +155,7 @@ class Feedback:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rehearsed:
+class SceneLoads:
     """A scene that was looked at without running it."""
 
     u: Array  #: (k,) realised, which repair may have moved

@@ -13,7 +13,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.inevitability import Inevitability
-from mrta_falsify.core.record import Jittered, OtherRun
+from mrta_falsify.core.record import OtherRun, PerturbedRuns
 from mrta_falsify.core.verdict import Verdict
 
 # --- why it happens ----------------------------------------------------------------------
@@ -91,7 +91,7 @@ class Removal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CopyCount:
+class VoteCount:
     """Runs of a failing world with small differences."""
 
     runs: int
@@ -112,7 +112,7 @@ class Explanation:
     reason: str  #: why the layer is suspected, in words
     changed_at: float  #: when the continuations were changed [s]
     counterfactuals: tuple[Counterfactual, ...]  #: of versions that had no rows; empty since
-    jittered: CopyCount
+    jittered: VoteCount
     runs: int  #: episodes and continuations simulated
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
     absences: tuple[ChangedRun, ...] = later(())  #: runs without some things
@@ -149,7 +149,7 @@ class Minimisation:
     there is no program."""
     #: runs of the smallest world with small differences; of older versions, where two stacks are
     #: compared
-    jittered: Jittered | None = later(None)
+    jittered: PerturbedRuns | None = later(None)
     pairs: int = later(0)  #: of things that are left
     pairs_tried: int = later(0)  #: one run each
     #: pairs without which it fails, but not most of the runs with small differences

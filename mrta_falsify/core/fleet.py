@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
-from mrta_falsify.core.stack_failure import AskedAgain
+from mrta_falsify.core.stack_failure import DeterminismCheck
 
 PARKED_AFTER = 5.0  #: s at rest, after which engines and stack treat a robot as an obstacle
 
@@ -173,4 +173,4 @@ class Frame:
     blocked_by: tuple[BlockedBy, ...] = ()
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
     tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode
-    asked_again: AskedAgain | None = None  #: what the stack answered again; None: not asked
+    determinism: DeterminismCheck | None = None  #: what the stack answered again; None: not asked

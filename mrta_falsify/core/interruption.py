@@ -50,7 +50,7 @@ def pass_on(error: SystemError) -> None:
 
 
 @contextlib.contextmanager
-def heard() -> Iterator[None]:
+def propagate_interrupts() -> Iterator[None]:
     """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
     try:
         yield
@@ -60,7 +60,7 @@ def heard() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
+def describe_interrupt(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
     """Let an interruption inside say what is kept and what is missing.
 
     Args:
@@ -70,7 +70,7 @@ def telling(state: Callable[[], tuple[str, str]]) -> Iterator[None]:
         Interrupted: in place of any KeyboardInterrupt that does not say it yet.
     """
     try:
-        with heard():
+        with propagate_interrupts():
             yield
     except Interrupted:
         raise

@@ -15,7 +15,7 @@ from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.candidate import Proposal
 from mrta_falsify.core.costmap import Costmap
-from mrta_falsify.core.feedback import Feedback, Rehearsed
+from mrta_falsify.core.feedback import Feedback, SceneLoads
 from mrta_falsify.core.fleet import (
     Command,
     FleetState,
@@ -26,7 +26,7 @@ from mrta_falsify.core.fleet import (
 )
 from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.polyline import Polylines
-from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
+from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailure
 from mrta_falsify.core.steadiness import Memory
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Lane, World
@@ -293,19 +293,19 @@ class SkippingSampler(Sampler, Protocol):
         """Use up a proposal's number, as ``ask`` does, where its result is known already."""
 
 
-class Rehearsal(Protocol):
+class Preflight(Protocol):
     """Looks at the scene of a point without running it; a pure function."""
 
-    def __call__(self, u: Array) -> Rehearsed | None:
+    def __call__(self, u: Array) -> SceneLoads | None:
         """Measure what the scene at ``u`` ``(k,)`` asks of a stack; None: there is none."""
 
 
 @runtime_checkable
-class RehearsingSampler(Sampler, Protocol):
+class PreflightSampler(Sampler, Protocol):
     """A sampler that may look at scenes before it proposes one."""
 
-    def rehearse_by(self, rehearsal: Rehearsal) -> None:
-        """Look at scenes by ``rehearsal``; called before the first proposal, if at all."""
+    def rehearse_by(self, preflight: Preflight) -> None:
+        """Look at scenes by ``preflight``; called before the first proposal, if at all."""
 
 
 @runtime_checkable
@@ -459,5 +459,5 @@ class Repeating(Protocol):
 class RepeatingRun(Protocol):
     """A specification that has all ticks of a run asked again, where the stack can be told them."""
 
-    def asked_at_end(self, again: AskedAgain) -> None:
+    def asked_at_end(self, again: DeterminismCheck) -> None:
         """Take in what a fresh process of the stack answered; the run has ended."""

@@ -26,13 +26,13 @@ Status = Literal["ok", "rejected", "impossible", "crashed", "timeout"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Jittered:
+class PerturbedRuns:
     """What became of copies of a failing world with small differences."""
 
     runs: int
     failed: int  #: of them
     objectives: dict[str, float] = field(default_factory=dict)
-    """Margins as copies tell them (:func:`mrta_falsify.copies.expected_margin`)."""
+    """Margins as copies tell them (:func:`mrta_falsify.perturbed_runs.expected_margin`)."""
     noise: dict[str, float] = later(dict)  #: variances of these, where above 0
 
     def __str__(self) -> str:
@@ -61,7 +61,7 @@ class EngineRun:
     sim_time: float = 0.0  #: [s]
     wall_s: float = 0.0
     #: copies of the world on that engine; not of a screening
-    jittered: Jittered | None = later(None)
+    jittered: PerturbedRuns | None = later(None)
 
     @property
     def runs(self) -> int:
@@ -118,7 +118,7 @@ class OtherRun:
     signature: str = ""  #: of its failure, empty if nothing is violated
     signature_before: str = later("")  #: the same, as of a trial
     #: the same copies as of the stack under test; None where they would decide nothing
-    jittered: Jittered | None = None
+    jittered: PerturbedRuns | None = None
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
     ended: str = ""  #: why the episode ended
@@ -174,7 +174,7 @@ class TrialRecord:
     trace_digest: str = ""
     engine: str = ""  #: that the verdicts come from
     screening: EngineRun | None = None  #: on the quick engine, before physics was asked
-    jittered: Jittered | None = None  #: of a failure, where the campaign asks for copies
+    jittered: PerturbedRuns | None = None  #: of a failure, where the campaign asks for copies
     confirmed: tuple[EngineRun, ...] = later(())  #: of a robust failure, on other engines
     #: of a failure of a stack in a process of its own
     repeated: Repeats | None = later(None)
@@ -219,14 +219,14 @@ class TrialRecord:
         return any(verdict.violated for verdict in self.verdicts)
 
     @property
-    def wanted(self) -> bool:
-        """Whether it is a failure as the campaign wants them.
+    def is_robust(self) -> bool:
+        """Whether it counts for ``stop_after``: a primary failure that perturbed runs share.
 
-        Not in what it looks for last, not by the world's doing, and robust where it asks for
-        copies. Where two stacks are compared, the other one passes in most of the same copies.
+        Not in what the campaign looks for last, and not by the world's doing; robust where it asks
+        for perturbed runs. Where two stacks are compared, the other one passes in most of them.
         """
-        is_robust = self.jittered is None or self.jittered.robust
-        return self.is_sought and is_robust and (self.other is None or self.other.passes_most)
+        is_shared = self.jittered is None or self.jittered.robust
+        return self.is_primary and is_shared and (self.other is None or self.other.passes_most)
 
     @property
     def confirmation(self) -> str:
@@ -240,7 +240,7 @@ class TrialRecord:
         return "; ".join(parts)
 
     @property
-    def is_sought(self) -> bool:
+    def is_primary(self) -> bool:
         """Whether it fails in what the campaign looks for first, robust or not.
 
         A place that the world shut is none. Where two stacks are compared, only if the other one
@@ -252,7 +252,7 @@ class TrialRecord:
     @property
     def is_reported(self) -> bool:
         """Whether it is a failure, and not one that the other stack does not pass either."""
-        return self.is_sought or self.is_afterthought or self.is_shut
+        return self.is_primary or self.is_afterthought or self.is_shut
 
     @property
     def fails_on_both(self) -> bool:

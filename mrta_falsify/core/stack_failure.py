@@ -63,7 +63,7 @@ class OtherAnswer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AskedAgain:
+class DeterminismCheck:
     """What came of asking a copy of the stack the same again, one tick or all of a run."""
 
     difference: OtherAnswer | None = None  #: the first one

@@ -29,7 +29,7 @@ class EpisodeEnd:
     trace_digest: str  #: the same actions in the same world give the same
 
     @property
-    def is_sought(self) -> bool:
+    def is_primary(self) -> bool:
         """Whether it failed, and not only because the world shut a place."""
         return bool(primary(self.verdicts))
 
@@ -45,8 +45,8 @@ class EpisodeEnd:
             score=self.score,
             objectives={n: m for n, m in self.margins.items() if n not in secondary(self.verdicts)},
             descriptors=self.descriptors,
-            failed=self.is_sought,
-            signature=self.signature if self.is_sought else "",
+            failed=self.is_primary,
+            signature=self.signature if self.is_primary else "",
         )
 
 

@@ -29,7 +29,7 @@ from mrta_falsify.lab.course import course_of
 from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
 from mrta_falsify.specs.causes import leading, primary
 from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
-from scenic_worlds.variation import jitter_world
+from scenic_worlds.variation import perturb_world
 from simulator_interface import starts
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import EpisodeRun
@@ -212,7 +212,7 @@ def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunR
     try:
         world = first.world
         if first.perturbation:
-            world = jitter_world(world, first.perturbation - 1)
+            world = perturb_world(world, first.perturbation - 1)
         starts.check_starts(world)
     except InputError as error:
         return [RunResult(status="impossible", detail=str(error)) for _ in group]

@@ -72,12 +72,12 @@ def spec_names(specs: str | Sequence[str]) -> tuple[str, ...]:
     return (specs,) if isinstance(specs, str) else tuple(specs)
 
 
-def specifications_of_copies(names: Sequence[str]) -> tuple[str, ...]:
+def vote_specifications(names: Sequence[str]) -> tuple[str, ...]:
     """Name the specifications that judge copies of a failing world; the user's options stay."""
-    return tuple(map(_of_copies, names))
+    return tuple(map(_of_vote, names))
 
 
-def _of_copies(text: str) -> str:
+def _of_vote(text: str) -> str:
     choice = specification_choice(text)
     added = OF_COPIES.get(choice.name)
     return text if added is None else choice.name + json.dumps({**added, **choice.options})

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.stack_failure import AskedAgain
+from mrta_falsify.core.stack_failure import DeterminismCheck
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 
@@ -48,10 +48,10 @@ class Repeatable:
     def update(self, frame: Frame) -> None:
         """Take in one tick."""
         self._last = (frame.sensed.tick, frame.sensed.time)
-        if frame.asked_again is not None:
-            self.asked_at_end(frame.asked_again)
+        if frame.determinism is not None:
+            self.asked_at_end(frame.determinism)
 
-    def asked_at_end(self, again: AskedAgain) -> None:
+    def asked_at_end(self, again: DeterminismCheck) -> None:
         """Take in what came of asking the stack again."""
         if again.why_not:
             self._why_not = again.why_not

@@ -31,12 +31,12 @@ from mrta_falsify.campaigns.store import (
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.interruption import heard
+from mrta_falsify.core.interruption import propagate_interrupts
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
-from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
+from mrta_falsify.verbs.scene_preflight import ScenePreflight
 from mrta_falsify.verbs.stacks import Stack
 from mrta_falsify.verbs.trust import Trust, of_campaign, of_links, permit
 from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
@@ -45,7 +45,7 @@ from mrta_falsify.worker import open_program
 #: called when a record is durable, with whether it is new
 OnRecord = Callable[[TrialRecord, bool], None]
 #: called when the sampler knows a record, in number order
-OnTold = Callable[[TrialRecord, Progress], None]
+OnFeedback = Callable[[TrialRecord, Progress], None]
 #: called with what the user should know
 OnNote = Callable[[str], None]
 
@@ -93,7 +93,7 @@ def campaign(
     memory_limit: float = DEFAULTS.trials.memory_limit,
     time_limit: float = DEFAULTS.time_limit,
     on_record: OnRecord = lambda record, is_new: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
     on_note: OnNote = lambda text: None,
 ) -> CampaignResult:
     """Search a Scenic program for worlds in which the stack violates a specification.
@@ -128,7 +128,7 @@ def campaign(
         memory_limit: resident memory that the stack may take up [GiB].
         time_limit: work and sleep of all processes of one trial [s].
         on_record: called when a record is durable, with whether it is new.
-        on_told: called when the sampler knows a record, in number order.
+        on_feedback: called when the sampler knows a record, in number order.
         on_note: called with what the user should know.
 
     Raises:
@@ -171,7 +171,7 @@ def campaign(
     _note_idle_workers(chosen, executor, workers, on_note)
     with Store.create(Path(output), dataclasses.replace(chosen, budget=budget or 0)) as store:
         return run_store(
-            store, limits, place, on_record=on_record, on_told=on_told, on_note=on_note
+            store, limits, place, on_record=on_record, on_feedback=on_feedback, on_note=on_note
         )
 
 
@@ -187,7 +187,7 @@ def resume_campaign(
     executor: str | None = None,
     trust: Trust = False,
     on_record: OnRecord = lambda record, is_new: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
     on_note: OnNote = lambda text: None,
 ) -> CampaignResult:
     """Go on with a campaign where it stopped.
@@ -203,7 +203,7 @@ def resume_campaign(
         executor: registered name; local processes if None.
         trust: run what is not ours, though somebody else has made the campaign.
         on_record: called when a record is durable, with whether it is new.
-        on_told: called when the sampler knows a record, in number order.
+        on_feedback: called when the sampler knows a record, in number order.
         on_note: called with what the user should know.
 
     Raises:
@@ -226,7 +226,7 @@ def resume_campaign(
         )
         store.keep(budget=budget or 0, time_limit=time_limit or store.settings.time_limit)
         return run_store(
-            store, limits, place, on_record=on_record, on_told=on_told, on_note=on_note
+            store, limits, place, on_record=on_record, on_feedback=on_feedback, on_note=on_note
         )
 
 
@@ -317,7 +317,7 @@ def run_store(
     executor: Choice,
     *,
     on_record: OnRecord = lambda record, is_new: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
     on_note: OnNote = lambda text: None,
 ) -> CampaignResult:
     """Run an open campaign within limits, as :func:`~mrta_falsify.campaigns.runner.run_campaign`.
@@ -327,15 +327,15 @@ def run_store(
     began = time.monotonic()
     ended: Ended | Literal["interrupted"]
     try:
-        with heard(), open_executor(_here(store), executor) as opened:
+        with propagate_interrupts(), open_executor(_here(store), executor) as opened:
             progress, ended = run_campaign(
                 store,
                 limits,
                 opened,
                 on_record=on_record,
-                on_told=on_told,
+                on_feedback=on_feedback,
                 on_note=on_note,
-                rehearsal=SceneRehearsal(store.settings.trials),
+                preflight=ScenePreflight(store.settings.trials),
             )
     except KeyboardInterrupt:
         progress, ended = stored_progress(store, limits), "interrupted"

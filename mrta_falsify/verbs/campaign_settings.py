@@ -21,7 +21,7 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.trial import Job, looked_for, run_first_tick
+from mrta_falsify.trial import Job, primary_and_secondary, run_first_tick
 from mrta_falsify.verbs.folders import Place, located
 from mrta_falsify.verbs.programs import Params, check_params, parse_params
 from mrta_falsify.verbs.stacks import Stack, load_other_stack, load_stack
@@ -84,7 +84,7 @@ def new_settings(
     config = load_stack(stack, settings)
     other = load_other_stack(against, config) if against is not None else None
     is_foreign = other is not None and other.stack is not None
-    specifications, last = looked_for(specs, then, other if is_foreign else config)
+    specifications, last = primary_and_secondary(specs, then, other if is_foreign else config)
     trials = TrialSettings(
         scenario=str(scenario),
         params=parse_params(params),
@@ -105,7 +105,7 @@ def new_settings(
     )
     build_specifications([name for name in specifications if name not in last])
     if last:
-        build_specifications(last, where="--then")
+        build_specifications(last, where="--secondary-spec")
     program = open_program(trials)
     check_params(program, trials.scenario)
     _check_first_scene(program, trials)

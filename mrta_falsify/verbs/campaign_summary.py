@@ -137,7 +137,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         budget=progress.limits.budget,
         ran=progress.ran,
         failed=progress.failed,
-        robust=progress.wanted if campaign.settings.trials.jittered and not against else None,
+        robust=progress.robust if campaign.settings.trials.jittered and not against else None,
         rejected=progress.rejected,
         impossible=progress.impossible,
         errors=progress.errors,
@@ -175,7 +175,7 @@ def stack_comparison(campaign: Campaign) -> StackComparison | None:
     if campaign.settings.trials.against is None:
         return None
     asked = [(record, record.other) for record in campaign.records if record.other is not None]
-    found = sum(record.wanted for record, _ in asked)
+    found = sum(record.is_robust for record, _ in asked)
     return StackComparison(
         found=found,
         knife_edges=sum(other.passes for _, other in asked) - found,
@@ -199,7 +199,7 @@ def comparison_sentence(counts: StackComparison) -> str:
 
 def first_failure(judged: Sequence[TrialRecord]) -> int | None:
     """Count the judged trials up to the first failure in what is looked for first; None: none."""
-    return next((i for i, record in enumerate(judged, start=1) if record.is_sought), None)
+    return next((i for i, record in enumerate(judged, start=1) if record.is_primary), None)
 
 
 def deadlock_count(records: Sequence[TrialRecord]) -> int:
@@ -301,9 +301,9 @@ def probability_of(
         return estimated_probability(campaign)
     judged = [record for record in uniform if record.status == "ok"]
     undecided = sum(record.status in ("crashed", "timeout") for record in uniform)
-    undecided += sum(not record.is_sought and has_unjudged(record) for record in judged)
-    judged = [record for record in judged if record.is_sought or not has_unjudged(record)]
-    failed = sum(record.is_sought for record in judged)
+    undecided += sum(not record.is_primary and has_unjudged(record) for record in judged)
+    judged = [record for record in judged if record.is_primary or not has_unjudged(record)]
+    failed = sum(record.is_primary for record in judged)
     found = failure_probability(failed, len(judged), undecided=undecided)
     return dataclasses.replace(found, note=_what_counts(campaign, len(uniform)))
 
@@ -360,7 +360,7 @@ def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
     one, are only counted (:func:`stack_comparison`).
     """
     groups: dict[str, list[TrialRecord]] = {}
-    for record in sorted(campaign.records, key=lambda record: not record.wanted):
+    for record in sorted(campaign.records, key=lambda record: not record.is_robust):
         if record.is_reported:
             groups.setdefault(record.signature, []).append(record)
     found = [
@@ -381,7 +381,7 @@ def _kind_of_mode(record: TrialRecord) -> str:
     return kind_of(record.verdicts) if first is not None and first.spec == DEADLOCK else ""
 
 
-def sought_modes(found: Sequence[FailureMode]) -> int:
+def primary_modes(found: Sequence[FailureMode]) -> int:
     """Count the modes of what is looked for first; a place that the world shut is none."""
     return sum(not mode.is_afterthought and mode.kind != "shut" for mode in found)
 

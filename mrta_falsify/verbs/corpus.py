@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.executors import Finished
-from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.made_here import follow_links
 from mrta_falsify.campaigns.rules import JUDGED_SINCE, signed
 from mrta_falsify.campaigns.runner import REPEATS
@@ -37,7 +37,7 @@ from mrta_falsify.verbs.workers import local_workers, open_executor
 from mrta_falsify.worker import rerun, specifications_of
 from reports.run_view import RunView
 from reports.sentences import violation_sentence
-from scenic_worlds.variation import jitter_world
+from scenic_worlds.variation import perturb_world
 from simulator_interface.guard import Guard, guarded
 
 #: no place: the copy has no place for its robots; refused: the world cannot be run
@@ -87,7 +87,7 @@ def recheck(
     Args:
         campaign: whose failures.
         config: the changed stack; the campaign's own if None.
-        jittered: copies of each world with small differences (see ``jitter_world``).
+        jittered: copies of each world with small differences (see ``perturb_world``).
         workers: processes at a time; they change no result.
         time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
         only: ids of the failures to run; all if empty.
@@ -109,7 +109,7 @@ def recheck(
     journal = RunJournal(RecheckRun, campaign.directory / JOURNAL_NAME, code=code)
     found = _Collected(copies=1 + jittered, rules=campaign.settings.rules, on_done=on_done)
     asked = [_Asked(record, copy) for record in failures for copy in (STORED, *range(jittered))]
-    with going_on(f"corpus of {len(failures)} failures", journal):
+    with resumable(f"corpus of {len(failures)} failures", journal):
         digest = codec.digest(settings)
         places = [_picture_of(one, pictures) for one in asked]
         keys = [
@@ -365,7 +365,7 @@ def run_again(
     world = stored_world(campaign, record)
     if copy != STORED:
         try:
-            world = jitter_world(world, copy)
+            world = perturb_world(world, copy)
         except WorldError:
             return RecheckRun(fate="no place")
     # A changed stack is judged by physics if that is its engine, whatever found the failure.

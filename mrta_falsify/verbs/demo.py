@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.settings import DEFAULTS, Limits
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.verbs.campaign import CampaignResult, OnRecord, OnTold, open_store, run_store
+from mrta_falsify.verbs.campaign import CampaignResult, OnFeedback, OnRecord, open_store, run_store
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.run import RunFiles, run, write_run
@@ -135,7 +135,7 @@ def run_search(
     directory: Path,
     *,
     on_record: OnRecord = lambda record, is_new: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
 ) -> CampaignResult:
     """Run a search of the demo, or what is missing of it."""
     folder = directory / search.name
@@ -151,7 +151,7 @@ def run_search(
     limits = Limits(budget=search.trials, stop_after=search.stop_after)
     with open_store(folder, dataclasses.replace(chosen, budget=search.trials)) as store:
         return run_store(
-            store, limits, local_workers(WORKERS), on_record=on_record, on_told=on_told
+            store, limits, local_workers(WORKERS), on_record=on_record, on_feedback=on_feedback
         )
 
 

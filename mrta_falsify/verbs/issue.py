@@ -25,7 +25,7 @@ from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.made_again import keep_run
-from mrta_falsify.verbs.minimize.telling import minimal_text
+from mrta_falsify.verbs.minimize.sentences import minimal_text
 from mrta_falsify.verbs.pictures import trial_view
 from mrta_falsify.verbs.stored_trials import (
     failure_sentences,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.settings import FORMAT_VERSION
 from mrta_falsify.campaigns.store import OTHER, Campaign, format_version, trial_folder
@@ -103,7 +103,7 @@ def replay(
     trials = campaign.settings.trials
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(ReplayRun, campaign.make_folder(record) / JOURNAL_NAME, code=code)
-    with going_on(f"replay {record.id}", journal):
+    with resumable(f"replay {record.id}", journal):
         result = replay_trial(campaign, record, times=verify, live=live, journal=journal)
         store_replay(campaign, result)
     journal.discard()

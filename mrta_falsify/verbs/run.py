@@ -19,7 +19,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import staged, write_atomically
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import Coupling
-from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.interruption import describe_interrupt
 from mrta_falsify.core.record import versions
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 from mrta_falsify.core.tight_ways import TightWay
@@ -117,7 +117,7 @@ def run(
         limits=StackLimits(tick=tick_limit, memory=memory_limit),
     )
     clock = _Clock(world.world, on_progress)
-    with telling(clock.state), guarded():
+    with describe_interrupt(clock.state), guarded():
         outcome = run_job(job, keep_trace=keep_trace, on_progress=clock.show)
         if output is not None:
             write_run(outcome, world.world, output, config=config, gif=gif, mp4=mp4)

@@ -34,7 +34,7 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
         if not record.was_run:
             continue
         simulations += 1
-        if record.is_sought if knife_edges else record.wanted:
+        if record.is_primary if knife_edges else record.is_robust:
             signatures.add(record.signature)
             first = first or (simulations, seconds)
         if simulations >= budget:

@@ -23,7 +23,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import HarnessError, PlaceError
-from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.interruption import describe_interrupt
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -103,7 +103,7 @@ def run_searches(
     deaths = 0
     while missing:
         try:
-            with telling(state), spawned(workers) as pool:
+            with describe_interrupt(state), spawned(workers) as pool:
                 asked = {
                     pool.submit(_search, _settings(plan, *search), plan.limits): search
                     for search in missing

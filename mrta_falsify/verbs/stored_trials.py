@@ -11,14 +11,14 @@ from typing import Literal
 
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.settings import AGAINST_COPIES
-from mrta_falsify.campaigns.statistics import chance_in_copies
+from mrta_falsify.campaigns.statistics import chance_in_vote
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError, NeedsOption
 from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.probability import interval_text
-from mrta_falsify.core.record import Jittered, OtherRun, Status, TrialRecord
+from mrta_falsify.core.record import OtherRun, PerturbedRuns, Status, TrialRecord
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
@@ -132,7 +132,7 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
 
 
 def compared_sentences(
-    jittered: Jittered | None, other: OtherRun | None, most: int = AGAINST_COPIES
+    jittered: PerturbedRuns | None, other: OtherRun | None, most: int = AGAINST_COPIES
 ) -> tuple[str, ...]:
     """Say what the other stack does in the world of a failure, and what copies say of both.
 
@@ -154,8 +154,8 @@ def compared_sentences(
     return tuple(told)
 
 
-def _chance_text(copies: Jittered, most: int) -> str:
-    chance = chance_in_copies(copies, most)
+def _chance_text(copies: PerturbedRuns, most: int) -> str:
+    chance = chance_in_vote(copies, most)
     return (
         f"{copies.failed} of {copies.runs} ({interval_text(chance.low, chance.high, chance.level)})"
     )

@@ -17,7 +17,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import append, naming, write_atomically
 from mrta_falsify.core.errors import ConfigError, FormatError, InputError, WorldError
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.interruption import telling
+from mrta_falsify.core.interruption import describe_interrupt
 from mrta_falsify.core.parsing import read_text
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
@@ -163,7 +163,7 @@ def measure_travel_times(
         kept = f"{len(samples) if samples_file is not None else 0} of {len(pairs)} pairs of rooms"
         return kept, "the travel times are not complete; the same command goes on"
 
-    with telling(state):
+    with describe_interrupt(state):
         for number, (start, end) in enumerate(pairs):
             if (start, end) not in samples:
                 first = number * iterations

@@ -12,7 +12,7 @@ from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError, WorldError
 from mrta_falsify.specs import repeatable
-from mrta_falsify.trial import judge, quick_stack
+from mrta_falsify.trial import judge, on_kinematic_engine
 from mrta_falsify.verbs.corpus import (
     STORED,
     RecheckRun,
@@ -25,7 +25,7 @@ from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_failures import keeps_engine
 from mrta_falsify.verbs.workers import count_cores
 from mrta_falsify.worker import trial_job
-from scenic_worlds.variation import jitter_world
+from scenic_worlds.variation import perturb_world
 from scenic_worlds.zoo import PREFIX, Answer, Scene, load_scene, scene_names
 
 ZOO = PREFIX.rstrip("/")  #: name of all scenes together
@@ -102,7 +102,7 @@ def run_zoo(
     scenes = scenes_named(name)
     config = load_stack(stack, settings)
     if keeps_engine(stack, settings):
-        config = quick_stack(config)
+        config = on_kinematic_engine(config)
     asked = [(scene, copy) for scene in scenes for copy in (STORED, *range(jittered))]
     jobs = [{"scene": scene.name, "copy": copy} for scene, copy in asked]
     runs: dict[str, dict[int, RecheckRun]] = {scene.name: {} for scene in scenes}
@@ -201,7 +201,7 @@ def run_scene(settings: TrialSettings, scene: Scene, copy: int) -> RecheckRun:
     world = scene.world
     if copy != STORED:
         try:
-            world = jitter_world(world, copy)
+            world = perturb_world(world, copy)
         except WorldError:
             return RecheckRun(fate="no place")
     job = trial_job(settings, world, settings.stack)

@@ -23,7 +23,7 @@ class CannotBranch(Exception):  # noqa: N818 - says what the stack cannot do
     """No copy of the stack can be had."""
 
 
-class Exchanges:
+class MessageLog:
     """All that was said and heard in an episode, so that a fresh process can be told it.
 
     The last of it is in memory, the rest in a file without a name. A copy of the run has the

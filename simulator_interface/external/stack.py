@@ -32,7 +32,6 @@ from mrta_falsify.specs.books import STOP_KINDS, Books
 from mrta_falsify.stack.comms import LinkTimetable
 from mrta_falsify.stack.following import Following
 from simulator_interface.external.answers import Answer, Reader, Wrong
-from simulator_interface.external.conversation import Conversation, Talk, TranscriptSession
 from simulator_interface.external.messages import (
     Message,
     task_message,
@@ -41,6 +40,7 @@ from simulator_interface.external.messages import (
 )
 from simulator_interface.external.orders import ROUNDING, StandingOrders, carry_out, no_orders, take
 from simulator_interface.external.services import Services
+from simulator_interface.external.session import LiveSession, StackSession, TranscriptSession
 from simulator_interface.external.transcript import Transcript
 
 #: bytes that a point of a path costs: twice as numbers, once as text while a trace is written
@@ -97,7 +97,7 @@ class ProcessStack:
         self._reader = Reader(self._names, len(world.tasks))
         self._following = Following(world, config, costmaps)
         self.signals: Mapping[str, float] = {}  #: of the last tick
-        self.talk: Talk
+        self.talk: StackSession
         if transcript is None:
             message = world_message(
                 world,
@@ -106,7 +106,7 @@ class ProcessStack:
                 {**config.stack.params, **world.stack_params},
                 tasks_ahead=config.stack.tasks_ahead,
             )
-            self.talk = Conversation(config.stack, message, Services(world, config, costmaps))
+            self.talk = LiveSession(config.stack, message, Services(world, config, costmaps))
         else:
             self.talk = TranscriptSession(transcript)
         said = self.talk.ready.says

@@ -21,7 +21,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.archives import DAMAGE, read_json_member, read_member
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.core.stack_failure import AskedAgain, StackFailure
+from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailure
 from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
@@ -45,7 +45,7 @@ class Transcript:
     forecasts: tuple[dict[str, Any] | None, ...]
     failure: StackFailure | None  #: how it ended, if it failed
     #: what came of asking it again, in the order of the questions; None: nothing
-    again: tuple[AskedAgain | None, ...] = ()
+    again: tuple[DeterminismCheck | None, ...] = ()
     questions: int = QUESTIONS  #: version of what ``forecasts`` answer
 
     def answers(self) -> Iterator[bytes]:
@@ -82,7 +82,7 @@ class TranscriptRecorder:
     ready: Ready
     forecasts: list[dict[str, Any] | None] = field(default_factory=list)
     failure: StackFailure | None = None
-    again: list[AskedAgain | None] = field(default_factory=list)
+    again: list[DeterminismCheck | None] = field(default_factory=list)
     _packer: Any = field(default_factory=lambda: zlib.compressobj(1))
     _parts: list[bytes] = field(default_factory=list)
     _fresh: list[bytes] = field(default_factory=list)  # not deflated yet: one by one is slow
@@ -127,7 +127,7 @@ class _Head:
     forecasts: tuple[dict[str, Any] | None, ...] = ()
     questions: int = 1
     failure: StackFailure | None = None
-    again: tuple[AskedAgain | None, ...] = ()
+    again: tuple[DeterminismCheck | None, ...] = ()
 
 
 def write_transcript(transcript: Transcript, path: Path) -> None:

@@ -19,7 +19,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import Jittered, TrialRecord
+from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 
@@ -88,7 +88,7 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
             objectives={"no_deadlock": margin},
             score=margin,
             signature="no_deadlock" if margin < 0.0 else "",
-            jittered=Jittered(runs=len(copies), failed=int((copies < 0.0).sum()))
+            jittered=PerturbedRuns(runs=len(copies), failed=int((copies < 0.0).sum()))
             if len(copies) and margin < 0.0
             else None,
             sim_time=60.0,

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import EngineRun, Jittered, TrialRecord
+from mrta_falsify.core.record import EngineRun, PerturbedRuns, TrialRecord
 from mrta_falsify.verbs.campaign import campaign
 from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
 from tests.quick_program import PROGRAM
@@ -21,7 +21,7 @@ def call(*words):
 
 def run_on(engine: str, failed: bool, copies: tuple[int, int]) -> EngineRun:
     return EngineRun(
-        engine=engine, failed=failed, jittered=Jittered(runs=copies[1], failed=copies[0])
+        engine=engine, failed=failed, jittered=PerturbedRuns(runs=copies[1], failed=copies[0])
     )
 
 
@@ -70,11 +70,11 @@ def records(small):
 
 @pytest.mark.slow
 def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records):
-    failed = [record for record in records if record.is_sought]
+    failed = [record for record in records if record.is_primary]
     assert failed
     for record in records:
         engines = [run.engine for run in record.confirmed]
-        assert engines == (["mujoco"] if record.is_sought else [])  # not where it was found
+        assert engines == (["mujoco"] if record.is_primary else [])  # not where it was found
     run = failed[0].confirmed[0]
     assert 1 < run.runs <= 5
     assert run.failed == bool(run.violated)
@@ -85,7 +85,7 @@ def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records
 def test_list_show_and_report_tell_on_which_engines_a_failure_fails(small, records, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")
-    failed = next(record for record in records if record.is_sought)
+    failed = next(record for record in records if record.is_primary)
     rows = {row.id: row for row in list_trials(small)}
     assert rows[failed.id].other_engines == failed.confirmation
     assert "other engines" in call("list", small).output

@@ -19,12 +19,12 @@ from mrta_falsify.core.errors import FormatError, InputError
 from mrta_falsify.core.findings import (
     Certificate,
     CertifiedMember,
-    CopyCount,
     Counterfactual,
     Explanation,
     Minimisation,
     Removal,
     ReplayCheck,
+    RunCount,
     Standing,
 )
 from mrta_falsify.core.verdict import Verdict
@@ -37,7 +37,7 @@ EXPLANATION = Explanation(
     reason="changing it, and nothing else, removes the failure",
     changed_at=12.5,
     counterfactuals=(Counterfactual(layer="planner", change="planner: ompl", failure_gone=True),),
-    jittered=CopyCount(runs=20, failed=18),
+    jittered=RunCount(runs=20, failed=18),
     runs=33,
     removals=(Removal(robot="a", time=22.5, go_on=("b",), stay=("c",)),),
 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from mrta_falsify.campaigns.journal import RunJournal, append_row, going_on, read_rows
+from mrta_falsify.campaigns.journal import RunJournal, append_row, read_rows, resumable
 from mrta_falsify.core.interruption import Interrupted
 
 
@@ -104,7 +104,7 @@ def test_an_interruption_says_what_the_journal_holds(tmp_path):
     path = tmp_path / "answers.jsonl"
     journal = RunJournal(_Answer, path)
     journal.keep("a", _Answer(True, 2.5))
-    with pytest.raises(Interrupted) as told, going_on("minimize 0003", journal):
+    with pytest.raises(Interrupted) as told, resumable("minimize 0003", journal):
         raise KeyboardInterrupt
     assert told.value.kept == "1 finished run"
     assert told.value.missing.startswith("minimize 0003 has no result")

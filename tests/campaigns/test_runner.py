@@ -83,13 +83,13 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
         for record in store.campaign().records[: progress.told]:
             told.append((record, feedback_of(record, store.settings.cube)))
     assert ended == "stop-after"
-    assert progress.wanted == 4 < progress.failed
+    assert progress.robust == 4 < progress.failed
     for record, feedback in told:
         assert record.failed == (record.jittered is not None)
         most = record.failed and record.jittered.failed > 4
-        assert record.wanted == most
+        assert record.is_robust == most
         assert feedback.failed == record.failed
-        assert (feedback.signature == record.signature) == (record.wanted or not record.failed)
+        assert (feedback.signature == record.signature) == (record.is_robust or not record.failed)
 
 
 def test_samplers_that_can_tell_knife_edges_know_whether_they_are_wanted():
@@ -275,7 +275,7 @@ def test_no_sampler_is_told_of_a_trial_that_was_lost(tmp_path):
         losing = Losing("crashed", 2)
         losing.open(store.settings)
         run_campaign(
-            store, Limits(budget=6), losing, on_told=lambda record, counts: told.append(record)
+            store, Limits(budget=6), losing, on_feedback=lambda record, counts: told.append(record)
         )
     assert [(record.number, record.status) for record in told] == [(n, "ok") for n in range(6)]
 

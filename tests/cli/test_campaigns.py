@@ -168,7 +168,7 @@ def test_copies_say_which_failures_are_robust(campaign):
     folder = directory.parent
     result = call(
         "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 6,
-        "--executor", "serial", "--seed", 4, "--jittered", 3, *QUICK, "--format", "json",
+        "--executor", "serial", "--seed", 4, "--perturbed", 3, *QUICK, "--format", "json",
     )  # fmt: skip
     assert result.exit_code == 1, result.stderr
     data = json.loads(result.stdout)
@@ -184,7 +184,7 @@ def test_copies_say_which_failures_are_robust(campaign):
         chance = (row["jittered_failures"] + 1) / (row["jittered"] + 2)
         assert row["score"] == pytest.approx(-chance)
     # The same copies, run by another command, which runs all of them.
-    again = json.loads(call("corpus", folder / "j", "--jittered", 3, "--format", "json").stdout)
+    again = json.loads(call("corpus", folder / "j", "--perturbed", 3, "--format", "json").stdout)
     assert {row["id"]: row["jittered_failures"] > 1 for row in again["failures"]} == robust
 
 
@@ -208,10 +208,10 @@ def test_init_writes_a_start_and_never_overwrites(cli, tmp_path):
         (("campaign", "--resume", "nowhere"), "is not a campaign directory"),
         (("campaign", "--resume", "x", "--seed", "3"), "--seed cannot be changed by --resume"),
         (
-            ("campaign", "hospital_day", "-o", "x", "--sampler", "splitting", "--jittered", "2"),
+            ("campaign", "hospital_day", "-o", "x", "--sampler", "splitting", "--perturbed", "2"),
             "a probability counts every failure",
         ),
-        (("campaign", "--resume", "x", "--jittered", "3"), "--jittered cannot be changed"),
+        (("campaign", "--resume", "x", "--perturbed", "3"), "--perturbed cannot be changed"),
         (("campaign", "--resume", "x", "--dry-run"), "--dry-run is about a new campaign"),
         (("campaign", "hospital_dey", "-o", "x"), "did you mean 'hospital_day'"),
         (("list", "nowhere"), "is not a campaign directory"),

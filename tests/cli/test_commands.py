@@ -42,7 +42,7 @@ def test_help_lists_every_command_with_what_it_does(cli):
     assert [name for name, _ in commands] == [
         "allocate", "bench", "campaign", "certify", "check", "ci", "compare", "completion",
         "corpus", "demo", "doctor",
-        "door-test",
+        "stack-test",
         "explain", "export", "import", "init", "issue", "list", "minimize", "plugins",
         "replay", "report",
         "run", "sample", "show", "travel-times",

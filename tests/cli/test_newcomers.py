@@ -17,7 +17,7 @@ from mrta_falsify.cli import campaign_output, compare_command, output
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.record import Jittered
+from mrta_falsify.core.record import PerturbedRuns
 from mrta_falsify.verbs import doctor
 from mrta_falsify.verbs.campaign import run_store
 from mrta_falsify.verbs.replay import replay
@@ -282,7 +282,7 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
             now[0] += 5.0
             record = TrialRecord(candidate=Candidate(number=number, u=[]), status="ok")
             counts.take(record)
-            watch.on_told(record, counts)
+            watch.on_feedback(record, counts)
     (first, second) = capsys.readouterr().err.splitlines()
     assert first.startswith("4/40 trials, 0 failed")
     assert first.endswith("about 3 min left")
@@ -312,7 +312,7 @@ def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
     from mrta_falsify.verbs.campaign import CampaignResult
 
     campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
-    few = Jittered(runs=4, failed=0)
+    few = PerturbedRuns(runs=4, failed=0)
     for record in campaign.records:
         counts.take(dataclasses.replace(record, jittered=few) if record.failed else record)
     result = CampaignResult(campaign=campaign, progress=counts, ended="budget", wall_s=1.0)
@@ -338,8 +338,11 @@ CAMPAIGN = ("campaign", "my_ward.scenic", "-o", "found")
         (("check", "my_ward"), "did you mean 'my_ward.scenic'?"),
         (("run", "my_ward"), "did you mean 'my_ward.scenic'?"),
         (("run", "my_ward.scenic", "--spec", "no_deadlok"), "--spec: unknown specification"),
-        ((*CAMPAIGN, "--then", "deadlnes"), "--then: unknown specification 'deadlnes'"),
-        ((*CAMPAIGN, "--then", "costly_way{factor"), "options must read NAME{opti"),
+        (
+            (*CAMPAIGN, "--secondary-spec", "deadlnes"),
+            "--secondary-spec: unknown specification 'deadlnes'",
+        ),
+        ((*CAMPAIGN, "--secondary-spec", "costly_way{factor"), "options must read NAME{opti"),
         ((*CAMPAIGN, "--against", "exec:nowhere"), "--against: there is no program 'nowhere'"),
         (
             (*CAMPAIGN, "--set", "allocator.objectives=1"),

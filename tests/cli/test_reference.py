@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.cli.door import MEANINGS
+from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS, described
 from scenic_worlds.shipped import scenario_names
 

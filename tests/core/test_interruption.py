@@ -12,10 +12,10 @@ import pytest
 from mrta_falsify.core.interruption import (
     STOP_SIGNALS,
     Interrupted,
-    heard,
+    describe_interrupt,
     is_interruption,
+    propagate_interrupts,
     signals_held,
-    telling,
 )
 
 
@@ -33,9 +33,9 @@ def test_what_compiled_code_makes_of_ctrl_c_is_an_interruption():
 
 
 def test_it_passes_as_what_it_is_and_other_errors_stay():
-    with pytest.raises(KeyboardInterrupt), heard():
+    with pytest.raises(KeyboardInterrupt), propagate_interrupts():
         raise _as_compiled_code_has_it(KeyboardInterrupt())
-    with pytest.raises(SystemError), heard():
+    with pytest.raises(SystemError), propagate_interrupts():
         raise _as_compiled_code_has_it(ValueError())
 
 
@@ -44,7 +44,11 @@ def test_it_passes_as_what_it_is_and_other_errors_stay():
 )
 def test_it_says_what_is_kept_and_the_innermost_knows_best(error):
     outer, inner = (lambda: ("nothing", "all")), (lambda: ("2 runs", "1 run"))
-    with pytest.raises(Interrupted, match="1 run; kept: 2 runs"), telling(outer), telling(inner):
+    with (
+        pytest.raises(Interrupted, match="1 run; kept: 2 runs"),
+        describe_interrupt(outer),
+        describe_interrupt(inner),
+    ):
         raise error
 
 

@@ -30,7 +30,7 @@ from mrta_falsify.core import codec, trace
 from mrta_falsify.core.config import StackConfig, apply_setting, read_config
 from mrta_falsify.core.errors import InputError, InputNote
 from mrta_falsify.core.findings import Certificate, Explanation, Minimisation, ReplayCheck
-from mrta_falsify.core.record import Jittered, TrialRecord
+from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.library import specification_choice
 from mrta_falsify.verbs.ci.ledger import Ledger
@@ -55,7 +55,7 @@ MOST_TEXT = 2000  # characters of one sentence
 ROOTS: tuple[type, ...] = (
     *(World, StackConfig, TrialRecord, CampaignSettings, Explanation, Minimisation, ReplayCheck),
     *(Certificate, Ledger, ProjectFile, SceneFile, RobotModel, BridgeSettings, LaunchFile),
-    *(FloorFile, Jittered, trace._Table, told._Head, mrta_sim._Testcase, mrta_sim._Setup),
+    *(FloorFile, PerturbedRuns, trace._Table, told._Head, mrta_sim._Testcase, mrta_sim._Setup),
     *(mrta_sim._Route, nav2._Description),
 )
 
@@ -250,12 +250,12 @@ def finding(rnd: random.Random, folder: Path) -> None:
 
 def journal(rnd: random.Random, folder: Path) -> None:
     """A damaged row of a journal costs one run."""
-    row = {"version": 2, "kind": "Jittered", "code": "c", "run": "k"}
-    row["answer"] = valid(Jittered, None, rnd)
+    row = {"version": 2, "kind": "PerturbedRuns", "code": "c", "run": "k"}
+    row["answer"] = valid(PerturbedRuns, None, rnd)
     row[rnd.choice(list(row))] = rnd.choice([[], {}, None, 10**400, ["a"], {"runs": "x"}])
     text = damaged_json(row, rnd)[0].replace("\n", " ") + "\n"
     (folder / "a.jsonl").write_text(text, encoding="utf-8")
-    RunJournal(Jittered, folder / "a.jsonl", code="c")
+    RunJournal(PerturbedRuns, folder / "a.jsonl", code="c")
 
 
 def command(rnd: random.Random, folder: Path) -> None:

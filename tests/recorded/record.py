@@ -61,7 +61,7 @@ SEARCHES = {
     "beds": ("bed_in_the_doorway", "--budget", "8", "--sampler", "random"),
     "stalls": (
         str((SCENARIOS / "same_room.scenic").relative_to(ROOT)),
-        *("--budget", "6", "--jittered", "2"),
+        *("--budget", "6", "--perturbed", "2"),
         *("--set", "defects=[same_room_twice_stalls]"),
     ),
 }

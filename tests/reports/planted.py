@@ -19,11 +19,11 @@ from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.testing.planted import PLANTS
-from mrta_falsify.trial import Job, Judged, judge, quick_stack
+from mrta_falsify.trial import Job, Judged, judge, on_kinematic_engine
 from mrta_falsify.verbs.stored_trials import open_campaign
 
 #: with the defect of the fixture ``stalled``
-BROKEN = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+BROKEN = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
 
 
 def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ...]) -> Campaign:
@@ -34,7 +34,7 @@ def planted_campaign(directory: Path, defect: str, specifications: tuple[str, ..
         defect: planted.
         specifications: judged.
     """
-    config = quick_stack(StackConfig(defects=(defect,)))
+    config = on_kinematic_engine(StackConfig(defects=(defect,)))
     world = PLANTS[defect].world(0)
     job = Job(world=world, config=config, early_stop=True, specifications=specifications)
     return stored(directory, job, judge(job))

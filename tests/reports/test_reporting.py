@@ -17,7 +17,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.trial import Job, quick_stack
+from mrta_falsify.trial import Job, on_kinematic_engine
 from mrta_falsify.verbs import report as reporting
 from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.page import render_page
@@ -33,7 +33,7 @@ EVIL = "<img src=x onerror=alert(1)>&\"'`|*"
 def campaign(stalled, tmp_path):
     """A campaign directory with one failure."""
     world, judged = stalled
-    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    config = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
     job = Job(world=world, config=config, early_stop=True, specifications=(SPEC,))
     return stored(tmp_path / "campaign", job, judged)
 
@@ -216,7 +216,7 @@ def evil(stalled, tmp_path):
     renamed = dataclasses.replace(
         judged, outcome=outcome, verdicts=tuple(codec.decode(Verdict, v) for v in verdicts)
     )
-    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    config = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
     job = Job(world=named, config=config, specifications=(SPEC,))
     campaign = stored(tmp_path / "evil", job, renamed)
     (record,) = campaign.records

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrta_falsify.core.candidate import Proposal
-from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
+from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, SceneLoads
 from samplers.asking import BLAMED, Mutator
 from samplers.auto import AutoSampler
 
@@ -49,7 +49,7 @@ def test_children_change_objects_that_took_part_more_often():
 
 def test_four_in_five_of_what_is_not_uniform_are_demanding_scenes():
     sampler = auto()
-    sampler.rehearse_by(lambda u: Rehearsed(u, np.zeros(len(DEMANDS))))
+    sampler.rehearse_by(lambda u: SceneLoads(u, np.zeros(len(DEMANDS))))
     asked = Proposal(number=0, u=np.full(6, 0.5))
     whose = []
     for name in ("_demanding", "_model"):
@@ -64,7 +64,7 @@ def test_four_in_five_of_what_is_not_uniform_are_demanding_scenes():
 def test_the_model_weighs_demanding_scenes_once_it_knows_results():
     random = np.random.default_rng(0)
     sampler = auto()
-    sampler.rehearse_by(lambda u: Rehearsed(u, np.resize(u, len(DEMANDS))))
+    sampler.rehearse_by(lambda u: SceneLoads(u, np.resize(u, len(DEMANDS))))
     points = np.array([[0.9] * 6, [0.1] * 6, [0.5] * 6])
     assert np.ptp(sampler._demanding._weigh(points)) == 0.0
     for number, u in enumerate(random.random((40, 6))):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, Rehearsed
-from mrta_falsify.core.protocols import RehearsingSampler
+from mrta_falsify.core.feedback import DEMANDS, Cube, Feedback, SceneLoads
+from mrta_falsify.core.protocols import PreflightSampler
 from samplers.asking import Mutator
 from samplers.auto import AutoSampler
 from samplers.demanding import DemandingSampler
+from samplers.preflights import Preflights, standardised
 from samplers.random import RandomSampler
-from samplers.rehearsals import Rehearsals, standardised
 from samplers.surrogate import SurrogateSampler
 
 K = 12
@@ -19,7 +19,7 @@ CUBE = Cube(dimensions=K)
 ARMS = {"demanding": DemandingSampler, "surrogate": SurrogateSampler, "auto": AutoSampler}
 
 
-def rehearsal(u):
+def preflight(u):
     """Demands that no coordinate tells alone; none of a scene whose first one is above 0.9."""
     if u[0] > 0.9:
         return None
@@ -27,13 +27,13 @@ def rehearsal(u):
     demands[0] = (np.abs(u - 0.5) < 0.15).sum()  # 12 with 1 uniform point in 2 million
     demands[1] = 100.0 * abs(u[1] - u[2])
     demands[3] = -u[4] * u[5]
-    return Rehearsed(u, demands)
+    return SceneLoads(u, demands)
 
 
 VARYING = (0, 1, 3)
 
 
-def built(name, seed=3, cube=CUBE, by=rehearsal):
+def built(name, seed=3, cube=CUBE, by=preflight):
     made = ARMS[name]
     sampler = made(made.Options(cube=cube, seed=seed))
     if by is not None:
@@ -47,13 +47,13 @@ def told(proposal, score=0.5, **more):
 
 def uniform_demands(count=2000):
     drawn = np.random.default_rng(0).random((count, K))
-    return np.array([found.demands for found in map(rehearsal, drawn) if found is not None])
+    return np.array([found.demands for found in map(preflight, drawn) if found is not None])
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_who_rehearses_says_so(name):
-    assert isinstance(built(name), RehearsingSampler)
-    assert not isinstance(RandomSampler(RandomSampler.Options()), RehearsingSampler)
+    assert isinstance(built(name), PreflightSampler)
+    assert not isinstance(RandomSampler(RandomSampler.Options()), PreflightSampler)
 
 
 def test_all_demands_that_vary_are_driven_up_about_equally_often():
@@ -63,7 +63,7 @@ def test_all_demands_that_vary_are_driven_up_about_equally_often():
     for _ in range(30):
         proposal = sampler.ask()
         sampler.tell(told(proposal))
-        demands = rehearsal(proposal.u).demands[list(VARYING)]
+        demands = preflight(proposal.u).demands[list(VARYING)]
         heavy += (usual < demands).mean(axis=0) > 0.9
     assert heavy.min() >= 7  # evenly drawn it were three
     assert heavy.max() < 2.5 * heavy.min()
@@ -71,7 +71,7 @@ def test_all_demands_that_vary_are_driven_up_about_equally_often():
 
 def test_a_demand_that_many_scenes_bring_to_its_most_does_not_hold_up_the_others():
     def limited(u):
-        found = rehearsal(u)
+        found = preflight(u)
         if found is not None:
             found.demands[5] = float(u[6] > 0.6)
         return found
@@ -82,7 +82,7 @@ def test_a_demand_that_many_scenes_bring_to_its_most_does_not_hold_up_the_others
     for _ in range(40):
         proposal = sampler.ask()
         sampler.tell(told(proposal))
-        demands = rehearsal(proposal.u).demands[list(VARYING)]
+        demands = preflight(proposal.u).demands[list(VARYING)]
         heavy.append((usual < demands).mean(axis=0) > 0.9)
     assert np.any(heavy[20:], axis=1).mean() > 0.6
 
@@ -93,7 +93,7 @@ def test_children_of_what_was_run_ask_for_more_than_was_ever_drawn():
     for _ in range(60):
         proposal = sampler.ask()
         sampler.tell(told(proposal))
-        most = max(most, rehearsal(proposal.u).demands[0])
+        most = max(most, preflight(proposal.u).demands[0])
     assert most > uniform_demands()[:, 0].max()
 
 
@@ -117,7 +117,7 @@ def test_who_weighs_scenes_chooses_three_in_four_of_them_once_there_are_results(
 
 
 def test_there_is_no_choice_where_no_demand_varies():
-    sampler = built("demanding", by=lambda u: Rehearsed(u, np.zeros(len(DEMANDS))))
+    sampler = built("demanding", by=lambda u: SceneLoads(u, np.zeros(len(DEMANDS))))
     sampler.weigh_by(lambda points: pytest.fail("asked"))
     for _ in range(30):
         sampler.tell(told(sampler.ask()))
@@ -147,7 +147,7 @@ def test_points_without_a_scene_are_not_proposed_once_scenes_are_known(name):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_a_search_goes_on_where_hardly_any_point_has_a_scene(name):
-    sampler = built(name, by=lambda u: rehearsal(u) if u[1] < 0.04 else None)
+    sampler = built(name, by=lambda u: preflight(u) if u[1] < 0.04 else None)
     for _ in range(25):
         sampler.tell(told(sampler.ask()))
 
@@ -197,7 +197,7 @@ def test_auto_finds_what_only_a_heavy_demand_shows():
 
 
 def test_rehearsals_can_be_switched_off():
-    sampler = AutoSampler(AutoSampler.Options(cube=CUBE, rehearse=False))
+    sampler = AutoSampler(AutoSampler.Options(cube=CUBE, preflight=False))
 
     def refused(u):
         raise AssertionError("looked at a scene")
@@ -214,7 +214,7 @@ def test_a_margin_that_follows_a_demand_is_learnt(seed):
     sampler = SurrogateSampler(
         SurrogateSampler.Options(cube=CUBE, seed=seed, explore=0.0, loads=0.0)
     )
-    sampler.rehearse_by(rehearsal)
+    sampler.rehearse_by(preflight)
     for number in range(40):
         proposal = sampler.ask()
         margin = float(edge - 100.0 * abs(proposal.u[1] - proposal.u[2])) / 100.0
@@ -230,9 +230,9 @@ def test_each_scene_is_looked_at_once():
 
     def counted(u):
         asked.append(u)
-        return rehearsal(u)
+        return preflight(u)
 
-    known = Rehearsals(counted)
+    known = Preflights(counted)
     points = np.random.default_rng(1).random((5, K)) * 0.9
     for _ in range(3):
         assert known.demands(points).shape == (5, len(DEMANDS))
@@ -249,7 +249,7 @@ def test_climbing_comes_higher_with_each_generation_of_children():
     def values(scenes):
         return np.array([scene.demands[0] for scene in scenes])
 
-    known = Rehearsals(rehearsal)
+    known = Preflights(preflight)
     halves = np.zeros(2)
     for seed in range(5):
         seen.clear()
@@ -269,7 +269,7 @@ def test_scenes_that_were_run_have_children_but_are_not_found_again():
     def worth(scenes):
         return np.array([scene.demands[0] for scene in scenes])
 
-    known = Rehearsals(rehearsal)
+    known = Preflights(preflight)
     random = np.random.default_rng(0)
     first = known.of(random.random((4, K)))
     run = known.of([np.full(K, 0.5)])  # nothing is worth more
@@ -288,7 +288,7 @@ def test_demands_are_scaled_by_those_known_and_what_says_nothing_is_zero():
 
 def test_a_demanding_proposal_is_frozen_and_numbered():
     sampler = DemandingSampler(DemandingSampler.Options(cube=CUBE, seed=1))
-    sampler.rehearse_by(rehearsal)
+    sampler.rehearse_by(preflight)
     for number in range(5):
         proposal = sampler.ask()
         assert proposal.number == number

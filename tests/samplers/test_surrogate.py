@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrta_falsify.copies import expected_margin
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.probability import chance_of_failure
 from mrta_falsify.core.seeding import stream
+from mrta_falsify.perturbed_runs import expected_margin
 from samplers.surrogate import SurrogateSampler
 
 

@@ -11,7 +11,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import RobotSpec, Task, World
 from mrta_falsify.testing.wards import ward_layout
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 
 NOSE = 0.22 + 0.1  # m, from the robot's centre to its nose, and on to the post
 CORRIDOR = 4.0  # m, width; the posts are the ends of its northern wall
@@ -40,7 +40,9 @@ def at_the_post(door: float, side: int, heading: float, beside: float) -> World:
 
 def violated_by(config: StackConfig, world: World) -> list[str]:
     names = ("no_deadlock", "all_tasks_done", "no_robot_static_contact")
-    job = Job(world=world, config=quick_stack(config), specifications=names, early_stop=True)
+    job = Job(
+        world=world, config=on_kinematic_engine(config), specifications=names, early_stop=True
+    )
     verdicts = judge(job, keep_trace=False).verdicts
     return [verdict.spec for verdict in verdicts if verdict.violated]
 

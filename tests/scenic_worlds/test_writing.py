@@ -23,7 +23,7 @@ from mrta_falsify.core.directives import (
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.geometry import rectangle, transform
 from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, HumanSpec
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from scenic_worlds.program import compile_program, scenario_path
 from scenic_worlds.writing import write_program
 
@@ -52,7 +52,7 @@ def test_the_written_program_gives_the_same_trace(tmp_path):
     world = compile_program(scenario_path("worn_fleet")).sample(5)
     short = dataclasses.replace(world, horizon=30.0)
     back, _ = read_back(short, tmp_path / "written.scenic")
-    config = quick_stack(StackConfig())
+    config = on_kinematic_engine(StackConfig())
     digests = {judge(Job(world=w, config=config)).outcome.trace.digest for w in (short, back)}
     assert len(digests) == 1
 

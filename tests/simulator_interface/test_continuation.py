@@ -7,11 +7,11 @@ import pytest
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.testing import planted as worlds
-from mrta_falsify.trial import quick_stack
+from mrta_falsify.trial import on_kinematic_engine
 from simulator_interface.continuation import run_to
 
-PLANTED = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
-SHIPPED = quick_stack(StackConfig())
+PLANTED = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
+SHIPPED = on_kinematic_engine(StackConfig())
 
 
 def _run_to(time):

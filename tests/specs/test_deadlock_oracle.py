@@ -760,12 +760,12 @@ def watched(robots, *, person_speed=None, asked=(0,), seconds=71.0, **more) -> t
     return frame.sensed.time, watch.answer()
 
 
-def looked_for(robot, **more) -> float:
+def primary_and_secondary(robot, **more) -> float:
     return watched([Robot(robot, goal=(5.0, 0.0))], **more)[0]
 
 
 def test_a_forecast_of_which_nothing_is_proven_goes_on_to_its_bound():
-    assert looked_for((0.0, 0.0)) == pytest.approx(70.0, abs=0.5)
+    assert primary_and_secondary((0.0, 0.0)) == pytest.approx(70.0, abs=0.5)
 
 
 @pytest.mark.parametrize("speed", [0.0002, 0.0013])

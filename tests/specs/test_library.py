@@ -14,7 +14,7 @@ from mrta_falsify.specs.library import (
     build_specifications,
     default_specifications,
     specification_choice,
-    specifications_of_copies,
+    vote_specifications,
 )
 
 
@@ -319,9 +319,9 @@ def test_unknown_specification_names_the_nearest():
 
 def test_no_copies_vote_on_a_copy_of_a_failing_world_and_options_of_the_user_stay():
     names = ("progress", "no_deadlock", "stl: always (d_human > 0.5)")
-    progress, deadlock, formula = specifications_of_copies(names)
+    progress, deadlock, formula = vote_specifications(names)
     assert (progress, formula) == (names[0], names[2])
     assert specification_choice(deadlock).options == {"copies": 1, "members": False}
-    (own,) = specifications_of_copies(["no_deadlock{look_ahead: 900, copies: 3}"])
+    (own,) = vote_specifications(["no_deadlock{look_ahead: 900, copies: 3}"])
     assert specification_choice(own).options == {"look_ahead": 900, "copies": 3, "members": False}
     build_specifications([deadlock, own])

@@ -18,7 +18,7 @@ from mrta_falsify.core.world import HumanSpec, RobotSpec, Task, Wall
 from mrta_falsify.specs.books import Books, confirmed
 from mrta_falsify.specs.contacts import CONTACT_PAUSE, DRIVING_SPEED, GAP_CAP, ContactCounter
 from mrta_falsify.specs.objectives import objectives
-from mrta_falsify.trial import Job, quick_stack, run_job
+from mrta_falsify.trial import Job, on_kinematic_engine, run_job
 from reports.run_report import task_table
 
 FEW_AND_MANY = [
@@ -327,7 +327,7 @@ def test_outcomes_of_runs_agree_with_verdicts_and_pages(seeds, hall):
     )
     for seed in seeds:
         world = drawn_world(hall, seed)
-        job = Job(world=world, config=quick_stack(StackConfig()), specifications=names)
+        job = Job(world=world, config=on_kinematic_engine(StackConfig()), specifications=names)
         outcome = run_job(job)
         verdicts = {verdict.spec: verdict for verdict in outcome.verdicts}
         for verdict in verdicts.values():

@@ -71,7 +71,7 @@ SLOW = {
     "issue": ("issue", "c", "0"),
     "explain": ("explain", "c", "0", "--max-runs", "4"),
     "minimize": ("minimize", "c", "0", "--max-runs", "2"),
-    "corpus": ("corpus", "c", "--workers", "1", "--jittered", "0"),
+    "corpus": ("corpus", "c", "--workers", "1", "--perturbed", "0"),
 }
 
 

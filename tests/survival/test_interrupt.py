@@ -80,7 +80,7 @@ CASES = {
         ("minimize", "c", "{id}", "--max-runs", "5", "--workers", "2"),
         ("c/trials/{id}/minimize.json", "c/trials/{id}/world.min.json"),
     ),
-    "corpus": Case(("corpus", "c", "--workers", "2", "--jittered", "1")),
+    "corpus": Case(("corpus", "c", "--workers", "2", "--perturbed", "1")),
     "ci": Case(
         ("ci", "--trust", "--workers", "2"),
         ("kept/report.html",),

@@ -26,7 +26,7 @@ from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.core.trace import Trace, write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.trial import quick_stack
+from mrta_falsify.trial import on_kinematic_engine
 
 PROGRAM = """
 model scenic_worlds.model
@@ -105,7 +105,7 @@ def make_folder(tmp_path: Path, world: World, trace: Trace) -> Folder:
     settings = CampaignSettings(
         trials=TrialSettings(
             scenario=SHIPPED,
-            stack=quick_stack(StackConfig()),
+            stack=on_kinematic_engine(StackConfig()),
             specifications=("no_robot_static_contact",),
             sources_digest="0" * 64,
             directory=str(directory),
@@ -289,7 +289,7 @@ def engine_that_confirms(folder: Folder) -> None:
 
 
 def other_stack(folder: Folder) -> None:
-    config = quick_stack(StackConfig(allocator=Choice(folder.write_module())))
+    config = on_kinematic_engine(StackConfig(allocator=Choice(folder.write_module())))
     folder.set("trials", "against", value=config)
 
 

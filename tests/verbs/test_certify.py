@@ -19,10 +19,10 @@ from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs.certify import checker
 from mrta_falsify.verbs.certify.certifying import FREE_WAYS, certify
-from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
+from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
 from scenic_worlds.zoo import load_scene
 from tests.reports.planted import stored
 from tests.verbs.edited_certificates import EDITS, edited, is_refused
@@ -35,7 +35,7 @@ def ring_campaign(tmp_path_factory):
     world = load_scene("ring_of_six_areas_full").world
     job = Job(
         world=world,
-        config=quick_stack(StackConfig()),
+        config=on_kinematic_engine(StackConfig()),
         specifications=("no_deadlock",),
         early_stop=True,
     )
@@ -141,7 +141,9 @@ def test_a_certificate_of_another_world_is_not_shown(ring, tmp_path):
 def test_robots_that_can_go_get_no_certificate(tmp_path):
     world = load_scene("doorway").world
     write_world(world, tmp_path / "world.json")
-    job = Job(world=world, config=quick_stack(StackConfig()), specifications=("no_deadlock",))
+    job = Job(
+        world=world, config=on_kinematic_engine(StackConfig()), specifications=("no_deadlock",)
+    )
     write_trace(judge(job).outcome.trace, tmp_path / "trace.zip")
     sought = certify(tmp_path)
     assert sought.certificate is None

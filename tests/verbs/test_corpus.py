@@ -8,7 +8,7 @@ import pytest
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs import corpus
 from tests.failing_stacks import Sleeps
 from tests.reports.planted import BROKEN, stored
@@ -30,7 +30,7 @@ def test_a_failure_is_fixed_on_a_stack_without_its_defect_and_stays_on_its_own(c
     assert row.violated == ("no_deadlock",)
     assert row.jittered == 1
     assert told == [row]
-    (cured,) = corpus.recheck(campaign, config=quick_stack(StackConfig()), jittered=1)
+    (cured,) = corpus.recheck(campaign, config=on_kinematic_engine(StackConfig()), jittered=1)
     assert (cured.fate, cured.violated, cured.jittered_failures) == ("fixed", (), 0)
     assert corpus.counts_by_fate([row, cured]) == {
         "fixed": 1,

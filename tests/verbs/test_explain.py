@@ -10,7 +10,7 @@ from mrta_falsify.core.findings import Removal
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.testing import planted as worlds
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs.explain import removal_text
 from mrta_falsify.verbs.explain.changes import changes_of
 from mrta_falsify.verbs.explain.explaining import explain_job
@@ -21,7 +21,7 @@ from scenic_worlds.program import compile_program
 def _job(defect, *specifications):
     return Job(
         world=getattr(worlds, defect)(0),
-        config=quick_stack(StackConfig(defects=(defect,))),
+        config=on_kinematic_engine(StackConfig(defects=(defect,))),
         specifications=specifications,
         early_stop=True,
     )
@@ -60,7 +60,9 @@ def test_what_costs_a_deadline_is_looked_for_from_the_start():
 
 def test_a_run_that_holds_has_nothing_to_explain():
     world = worlds.room_freed_while_parked(0)
-    job = Job(world=world, config=quick_stack(StackConfig()), specifications=("exclusive_use",))
+    job = Job(
+        world=world, config=on_kinematic_engine(StackConfig()), specifications=("exclusive_use",)
+    )
     with pytest.raises(InputError, match="violates nothing"):
         explain_job(job)
 

@@ -11,7 +11,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.lab import Lab
 from mrta_falsify.stack.resources.policies import DeadlineFirst
 from mrta_falsify.testing import planted as worlds
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs.explain.changes import Change
 from mrta_falsify.verbs.explain.rows import experiment_of, failure_of, fate_of
 
@@ -30,7 +30,7 @@ def test_a_change_under_which_the_stack_fails_does_not_remove_the_failure(monkey
     monkeypatch.setattr(DeadlineFirst, "order", fails)
     job = Job(
         world=worlds.room_freed_while_parked(0),
-        config=quick_stack(StackConfig(defects=("room_freed_while_parked",))),
+        config=on_kinematic_engine(StackConfig(defects=("room_freed_while_parked",))),
         specifications=("exclusive_use",),
         early_stop=True,
     )

@@ -237,10 +237,10 @@ def test_a_crash_is_minimised_explained_rechecked_and_reported(place):
     assert why.exit_code == 0, why.output
     assert json.loads(why.stdout)["guess"] == "controller"
     cured = call(
-        "corpus", "c", "--set", "controller=cluster_cbf", "--jittered", "0", "--workers", "1"
+        "corpus", "c", "--set", "controller=cluster_cbf", "--perturbed", "0", "--workers", "1"
     )
     assert "fixed" in cured.output
-    own = call("corpus", "c", "--jittered", "0", "--workers", "1", "--format", "json")
+    own = call("corpus", "c", "--perturbed", "0", "--workers", "1", "--format", "json")
     assert json.loads(own.stdout)["still failing"] >= 1, own.output
     assert call("report", "c").exit_code == 0
     page = (place / "c" / "report.html").read_text()

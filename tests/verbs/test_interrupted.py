@@ -16,7 +16,7 @@ from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.interruption import Interrupted
-from mrta_falsify.trial import quick_stack
+from mrta_falsify.trial import on_kinematic_engine
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import corpus
 from mrta_falsify.verbs.campaign import run_store
@@ -120,7 +120,7 @@ def test_corpus_on_another_stack_takes_nothing_from_the_journal(campaign, interr
     with pytest.raises(Interrupted):
         corpus.recheck(campaign, jittered=1)
     interrupts()
-    (row,) = corpus.recheck(campaign, config=quick_stack(StackConfig()), jittered=0)
+    (row,) = corpus.recheck(campaign, config=on_kinematic_engine(StackConfig()), jittered=0)
     assert row.fate == "fixed"
 
 

@@ -18,12 +18,12 @@ from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSetti
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.cli import main
-from mrta_falsify.copies import NO_COPIES, trial_score
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, ExternalStack, StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.perturbed_runs import NO_COPIES, trial_score
 from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.specs.descriptors import Descriptors
@@ -80,7 +80,7 @@ def record_of(number, verdicts):
         verdicts=verdicts,
         objectives=run.margins,
         score=trial_score(run, NO_COPIES),
-        is_afterthought=run.failed and not run.is_sought and not run.is_shut,
+        is_afterthought=run.failed and not run.is_primary and not run.is_shut,
         is_shut=run.is_shut,
         signature=signature(verdicts),
         signature_before=signature_before(verdicts),
@@ -127,7 +127,7 @@ def test_a_shut_place_is_neither_sought_nor_wanted_nor_the_first_failure():
         told = feedback_of(record, Cube(dimensions=1), LAST)
         is_shut = number < 2
         assert record.failed
-        assert (record.is_sought, record.wanted, record.is_shut) == (
+        assert (record.is_primary, record.is_robust, record.is_shut) == (
             not is_shut,
             not is_shut,
             is_shut,
@@ -136,7 +136,7 @@ def test_a_shut_place_is_neither_sought_nor_wanted_nor_the_first_failure():
         assert (record.score < 0.0, told.failed, told.score < 0.0) == (not is_shut,) * 3
         assert ("no_deadlock" in told.objectives) != is_shut
         assert progress.has_enough != is_shut
-    assert (progress.first_failure, progress.wanted, progress.failed) == (3, 1, 3)
+    assert (progress.first_failure, progress.robust, progress.failed) == (3, 1, 3)
 
 
 def test_modes_go_from_deadlocks_to_what_the_world_shut_and_what_was_late(directory):
@@ -226,6 +226,6 @@ def test_what_follows_from_a_shut_place_is_scored_like_what_is_looked_for_last()
     assert judged(RUNS[3]).secondary == {"no_deadlock", "progress", *LAST}
     contact = judged(RUNS[5])
     assert contact.secondary == {"no_deadlock", *LAST}
-    assert contact.is_sought
+    assert contact.is_primary
     assert trial_score(contact, NO_COPIES) < 0.0
-    assert not dataclasses.replace(contact, verdicts=RUNS[4]).is_sought
+    assert not dataclasses.replace(contact, verdicts=RUNS[4]).is_primary

@@ -6,13 +6,13 @@ import pytest
 
 from mrta_falsify.campaigns.runner import feedback_of
 from mrta_falsify.campaigns.settings import TrialSettings
-from mrta_falsify.copies import is_decided
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import Jittered
+from mrta_falsify.core.record import PerturbedRuns
+from mrta_falsify.perturbed_runs import is_decided
 from mrta_falsify.specs.objectives import search_score
-from mrta_falsify.trial import LATE_OR_UNDONE, campaign_specifications, looked_for
+from mrta_falsify.trial import LATE_OR_UNDONE, campaign_specifications, primary_and_secondary
 from mrta_falsify.worker import TrialRunner, open_program
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
@@ -28,23 +28,23 @@ param horizon = 40
 
 
 def test_without_a_word_late_and_undone_tasks_come_last():
-    specs, then = looked_for()
+    specs, then = primary_and_secondary()
     assert then == LATE_OR_UNDONE
     assert set(specs) == set(campaign_specifications())
     assert specs[-len(then) :] == then
 
 
 def test_specifications_that_the_user_names_are_alike_unless_said_otherwise():
-    assert looked_for(["no_deadlock", "deadlines"]) == (("no_deadlock", "deadlines"), ())
-    assert looked_for(["no_deadlock"], ["deadlines"]) == (
+    assert primary_and_secondary(["no_deadlock", "deadlines"]) == (("no_deadlock", "deadlines"), ())
+    assert primary_and_secondary(["no_deadlock"], ["deadlines"]) == (
         ("no_deadlock", "deadlines"),
         ("deadlines",),
     )
 
 
 def test_something_must_come_first():
-    with pytest.raises(ConfigError, match="--then deadlines: is all that is judged"):
-        looked_for(["deadlines"], ["deadlines"])
+    with pytest.raises(ConfigError, match="--secondary-spec deadlines: is all that is judged"):
+        primary_and_secondary(["deadlines"], ["deadlines"])
 
 
 def test_what_comes_last_counts_half_and_is_no_violation_of_the_score():
@@ -79,9 +79,9 @@ def test_a_missed_deadline_ends_a_trial_only_if_it_is_looked_for_first(tmp_path)
     first, last = trial(tmp_path, ()), trial(tmp_path, then, jittered=2)
     assert (first.ended, last.ended) == ("decided", "horizon")
     assert first.failed
-    assert first.wanted
+    assert first.is_robust
     assert last.failed
-    assert not last.wanted
+    assert not last.is_robust
     assert last.is_afterthought
     assert last.jittered is None
     told = feedback_of(last, Cube(), then)
@@ -99,9 +99,9 @@ def test_a_missed_deadline_ends_a_trial_only_if_it_is_looked_for_first(tmp_path)
 def test_copies_end_once_the_rest_cannot_change_what_most_do(most):
     for number in range(2**most):
         fails = [bool(number >> i & 1) for i in range(most)]
-        whole = Jittered(runs=most, failed=sum(fails))
+        whole = PerturbedRuns(runs=most, failed=sum(fails))
         runs = next(n for n in range(most + 1) if is_decided(sum(fails[:n]), n, most))
-        some = Jittered(runs=runs, failed=sum(fails[:runs]))
+        some = PerturbedRuns(runs=runs, failed=sum(fails[:runs]))
         assert some.robust == whole.robust
         assert not any(is_decided(sum(fails[:n]), n, most) for n in range(runs))
 

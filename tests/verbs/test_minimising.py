@@ -13,7 +13,7 @@ from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec
 from mrta_falsify.lab import Lab
 from mrta_falsify.testing import planted as worlds
-from mrta_falsify.trial import Job, judge, quick_stack
+from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs.minimize.minimising import minimize_job, write_as_program
 from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from scenic_worlds.program import compile_program
@@ -38,7 +38,7 @@ def cluttered():
             ),
         ),
     )
-    config = quick_stack(StackConfig(defects=("same_room_twice_stalls",)))
+    config = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
     return Job(world=crowd, config=config, specifications=("no_deadlock",), early_stop=True)
 
 
@@ -112,7 +112,7 @@ def test_several_workers_keep_to_the_runs_allowed(cluttered, tmp_path):
 
 
 def test_a_run_that_holds_cannot_be_minimised(cluttered):
-    healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
+    healthy = dataclasses.replace(cluttered, config=on_kinematic_engine(StackConfig()))
     with pytest.raises(InputError, match="violates nothing"):
         minimize_job(healthy)
 
@@ -143,7 +143,7 @@ def test_the_smallest_world_is_written_as_a_program_that_fails_in_the_same_way(
 
 @pytest.mark.slow
 def test_no_program_is_left_that_does_not_fail(cluttered, begun, tmp_path):
-    healthy = dataclasses.replace(cluttered, config=quick_stack(StackConfig()))
+    healthy = dataclasses.replace(cluttered, config=on_kinematic_engine(StackConfig()))
     assert "no failure" in write_as_program(begun, healthy, tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -156,7 +156,8 @@ def test_a_failure_with_two_reasons_keeps_the_one_it_began_with(monkeypatch):
     job = Job(
         world=dataclasses.replace(lane, furniture=(box,)),
         config=dataclasses.replace(
-            quick_stack(StackConfig()), controller=Choice("cluster_cbf", {"recovery": False})
+            on_kinematic_engine(StackConfig()),
+            controller=Choice("cluster_cbf", {"recovery": False}),
         ),
         specifications=("progress",),
         early_stop=True,

@@ -10,7 +10,7 @@ from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.directives import Push
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.geometry import rectangle
-from mrta_falsify.core.record import Jittered
+from mrta_falsify.core.record import PerturbedRuns
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage, CommsOutage, Furniture, Task, World
@@ -21,7 +21,7 @@ from mrta_falsify.verbs.minimize.later_starts import later_starts
 from mrta_falsify.verbs.minimize.nominal import NOMINAL, all_nominal
 from mrta_falsify.verbs.minimize.reruns import OutOfRunsError
 from mrta_falsify.verbs.minimize.search import SmallestSearch
-from mrta_falsify.verbs.minimize.telling import minimal_text
+from mrta_falsify.verbs.minimize.sentences import minimal_text
 
 
 def _violated(spec: str = "no_deadlock", at: float = 8.0, **evidence: object) -> Verdict:
@@ -233,10 +233,10 @@ def test_a_pair_that_the_runs_do_not_suffice_to_vote_on_counts_as_untried(two_ch
         ({"pairs": 66, "pairs_tried": 9}, "nor any of the 9 of 66 pairs that were tried"),
         ({"pairs": 6, "pairs_tried": 6, "pairs_unsure": 1}, "without 1 pair the run itself fails"),
         (
-            {"jittered": Jittered(runs=10, failed=9)},
+            {"jittered": PerturbedRuns(runs=10, failed=9)},
             "fails in 9 of 10 perturbed runs (95% interval 0.56 to 0.99)",
         ),
-        ({"jittered": Jittered(runs=10, failed=3)}, "a knife edge"),
+        ({"jittered": PerturbedRuns(runs=10, failed=3)}, "a knife edge"),
     ],
 )
 def test_what_was_tried_is_told_exactly(more, told):

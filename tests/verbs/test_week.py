@@ -119,7 +119,7 @@ def test_a_week(team):
     team.folder.joinpath("runs", "is_good.sh").write_text(
         f"""#!/bin/sh
 {sys.executable} -m mrta_falsify corpus {directory} --only {trial} \\
-    --stack stack.yaml --jittered 0 --workers 1
+    --stack stack.yaml --perturbed 0 --workers 1
 code=$?
 [ $code -le 1 ] && exit $code
 exit 125

@@ -63,7 +63,7 @@ def test_the_default_stack_does_what_is_recorded(name):
 @pytest.mark.usefixtures("in_process")
 def test_the_command_prints_one_row_for_a_scene():
     done = CliRunner().invoke(
-        main, ["corpus", "zoo/doorway", "--jittered", "0", "--format", "json"]
+        main, ["corpus", "zoo/doorway", "--perturbed", "0", "--format", "json"]
     )
     assert done.exit_code == 0
     data = json.loads(done.stdout)

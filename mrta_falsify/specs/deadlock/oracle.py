@@ -18,7 +18,7 @@ goes on and refutes that, the claim is withdrawn and told as a contradiction.
 Where the run cannot be copied (a recorded trace, a system other than Linux, an open window) one
 rule applies. Robots are *suspected* once they and all that they wait for have stood for 30 s. A
 suspicion is no failure: the verdict is that the specification was not judged. The same rule applies
-to a stack that does not tell where its robots go (see :mod:`.untold_goals`).
+to a stack that does not tell where its robots go (see :mod:`.unknown_goals`).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from mrta_falsify.specs.deadlock.evidence import (
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.shut import Ground, Shut
 from mrta_falsify.specs.deadlock.suspects import SuspectClock
-from mrta_falsify.specs.deadlock.untold_goals import UntoldGoals
+from mrta_falsify.specs.deadlock.unknown_goals import UnknownGoals
 from mrta_falsify.specs.deadlock.wait_graph import (
     EdgesByRobot,
     awaited_by,
@@ -110,7 +110,7 @@ class NoDeadlock:
             members=self._options.members,
         )
         self._dt = dt
-        self._untold: UntoldGoals | None = None  # made where it is needed
+        self._unknown_goals: UnknownGoals | None = None  # made where it is needed
         self._forecast: Forecast | None = None
         self._lost = 0.0  # largest share of the robustness
         self._claims: list[_Claim] = []
@@ -128,8 +128,8 @@ class NoDeadlock:
             self._missing = "the stack does not tell where its robots are going"
             if self._forecast is None:
                 return
-            self._untold = self._untold or UntoldGoals(self._world, self._dt)
-            frame = self._untold.told_for(frame, self._forecast)
+            self._unknown_goals = self._unknown_goals or UnknownGoals(self._world, self._dt)
+            frame = self._unknown_goals.with_goals(frame, self._forecast)
         self._suspects.watch(frame)
         if frame.sensed.tick % self._stride:
             return
@@ -155,7 +155,7 @@ class NoDeadlock:
                 violated=True,
                 violated_at=min(claim.detected_at for claim in claims),
                 who=first.members,
-                evidence=first.encoded(others) | self._told_beside(),
+                evidence=first.encoded(others) | self._also_known(),
             )
         if self._suspected is not None:
             seen = self._suspected
@@ -167,10 +167,10 @@ class NoDeadlock:
             spec=SPEC,
             robustness=SUSPECTED_AFTER * (1.0 - self._lost),
             violated=False,
-            evidence=self._told_beside(),
+            evidence=self._also_known(),
         )
 
-    def _told_beside(self) -> dict[str, Any]:
+    def _also_known(self) -> dict[str, Any]:
         """Give what is told of robots that are in no claim; empty: nothing is."""
         names = [robot.name for robot in self._world.robots]
         held = [

@@ -33,7 +33,7 @@ from mrta_falsify.stack.allocation.verification import Fault, verify
 
 
 @runtime_checkable
-class GoesOn(Protocol):
+class Replanner(Protocol):
     """An allocator that begins with insertion, whose routes may live on between batches."""
 
     @property
@@ -94,10 +94,10 @@ class Stream:
             travel_times, rooms, [capacity] * len(self._rooms), room_for=room_for
         )
         self._incremental: Insertion | None = None
-        if commitment == "free" and isinstance(allocator, GoesOn):
+        if commitment == "free" and isinstance(allocator, Replanner):
             self._incremental = allocator.incremental
             if expects_feedback:
-                _rehearse_a_late_robot(self._incremental)
+                _compile_for_a_late_robot(self._incremental)
         self._proof: Infeasible | None = None
         self._reasons: list[str] = []
         self._least_lost: int | None = None
@@ -190,7 +190,7 @@ class Stream:
         return StreamOutcome(answer=answer, faults=verify(answer, problem))
 
 
-def _rehearse_a_late_robot(insertion: Insertion) -> None:
+def _compile_for_a_late_robot(insertion: Insertion) -> None:
     """Let one robot be late for what it carries and for what it does not: compiles all of it."""
     times = np.array([[0.0, 1.0], [1.0, 0.0]])
     table = RouteTable(times, [0], [1], room_for=2)

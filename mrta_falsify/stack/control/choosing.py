@@ -24,7 +24,7 @@ from mrta_falsify.stack.control.manoeuvres import (
     WAIT,
     Choices,
     fill_initial,
-    try_going_on,
+    try_continuing,
     try_moving_aside,
     try_passing,
     try_waiting,
@@ -88,7 +88,7 @@ def _path_of(i: int, robot: np.record, ways: Ways) -> Array:
 
 
 @njit(cache=True)
-def _fill_unasked(robot: np.record, motion: Array) -> None:
+def _fill_idle(robot: np.record, motion: Array) -> None:
     """Predict a robot that cannot move now, or one that decides for itself."""
     if robot.joint:
         fill_stop(robot, motion)
@@ -120,7 +120,7 @@ def _fill_choice(
     choice.conflict_at = -1.0
     if robot.wants:
         path = _path_of(i, robot, ways)
-        stands = try_going_on(choice, i, robot, path, traffic)
+        stands = try_continuing(choice, i, robot, path, traffic)
         if stands and choice.conflict_at < np.inf:
             try_passing(choice, i, robot, path, points, clearances.obstacle, places, traffic)
     if choice.conflict_at < np.inf:
@@ -172,7 +172,7 @@ def choose_manoeuvres(
             decides[i] = robot.present and robot.joint and not stuck[i] and may_move
             settled[i] = robot.present and not decides[i]
             if settled[i]:
-                _fill_unasked(robot, motion[i])
+                _fill_idle(robot, motion[i])
                 fill_box(motion[i], box[i])
         stuck_before = stuck.sum()
         for i in order:

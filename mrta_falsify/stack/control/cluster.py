@@ -17,7 +17,8 @@ from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
-from mrta_falsify.stack.control.dynamics import Wish
+from mrta_falsify.stack.control.dynamics import NominalInput
+from mrta_falsify.stack.control.nominal_motion import NominalInputs, fill_nominal
 from mrta_falsify.stack.control.obstacles import Clearances, clearances_of
 from mrta_falsify.stack.control.perception import survey_crew
 from mrta_falsify.stack.control.recovery import back_up_where_stuck
@@ -31,7 +32,6 @@ from mrta_falsify.stack.control.state import (
     remember_points,
 )
 from mrta_falsify.stack.control.steering import Scene, Steering
-from mrta_falsify.stack.control.wishes import Wishes, fill_wishes
 
 
 class Rules(NamedTuple):
@@ -90,11 +90,11 @@ class ClusterCbf:
         state = self._state
         if state is None or len(state.crew) != len(view.pose):
             state = self._state = ControllerState.fresh(view.pose, view.time)
-        scene, wishes = self._decide(view, state)
+        scene, nominal = self._decide(view, state)
         answer, twist = self.steering.steer(view, scene)
         state.tick += 1
         _fill_orders(twist, state.crew, not self._obeys(state))
-        _, cluster, leader = wishes.numbers
+        _, cluster, leader = nominal.numbers
         return ControlResult(
             command=Command(twist=twist),
             cluster=cluster,
@@ -115,12 +115,12 @@ class ClusterCbf:
             state = ControllerState.fresh(view.pose, view.time)
         return self._decide(view, state)[0]
 
-    def _decide(self, view: ControlView, state: ControllerState) -> tuple[Scene, Wishes]:
+    def _decide(self, view: ControlView, state: ControllerState) -> tuple[Scene, NominalInputs]:
         """Bring ``state`` to this tick, but for the commands, which are still the last."""
         told, n, path = crew_view(view), len(view.pose), view.path
         if not isinstance(path, Polylines):
             path = Polylines.of(path)
-        wishes = Wishes(
+        nominal = NominalInputs(
             np.empty((3, n), dtype=np.int64),
             np.empty((n, 2)),
             np.empty((3, n)),
@@ -132,20 +132,20 @@ class ClusterCbf:
             (path.points, path.first),
             (tuple(self._rules), tuple(self._clearances), state.tick == 0),
             (state.point, state.seen_at),
-            tuple(wishes),
+            tuple(nominal),
         )
-        speed, turn_first, weight = wishes.figures
+        speed, turn_first, weight = nominal.figures
         scene = Scene(
             told=told,
             pose=view.pose if all_told else np.ascontiguousarray(state.crew["pose"]),
             points=state.point,
             known=view.present,
-            group=wishes.numbers[0],
+            group=nominal.numbers[0],
             share=_equal_shares(n),
-            wish=Wish(wishes.target, speed, wishes.reverse, turn_first),
+            nominal=NominalInput(nominal.target, speed, nominal.reverse, turn_first),
             weight=weight,
         )
-        return scene, wishes
+        return scene, nominal
 
 
 @functools.lru_cache(maxsize=16)
@@ -163,7 +163,7 @@ def _decide_crew(
     memory: tuple[Array, Array],
     result: tuple[Any, ...],
 ) -> bool:
-    """Bring the crew to this tick: perception, manoeuvres, wishes.
+    """Bring the crew to this tick: perception, manoeuvres, nominal.
 
     Args:
         crew: of the last tick; written.
@@ -171,13 +171,13 @@ def _decide_crew(
         paths: ahead, the fields of :class:`Ways`.
         law: fields of :class:`Rules` and :class:`Clearances`, and whether this is the first tick.
         memory: obstacle points and their times; brought up to date.
-        result: fields of :class:`Wishes`, filled.
+        result: fields of :class:`NominalInputs`, filled.
 
     Returns:
         Whether all poses are those told.
     """
     rules, clearances, is_first = Rules(*law[0]), Clearances(*law[1]), law[2]
-    told, ways, wishes = CrewView(*view), Ways(*paths), Wishes(*result)
+    told, ways, nominal = CrewView(*view), Ways(*paths), NominalInputs(*result)
     people = people_in(told)
     all_told = hear_robots(crew, told, is_first)
     order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
@@ -200,7 +200,7 @@ def _decide_crew(
         choices = choose_manoeuvres(crew, order, ways, points, told, clearances, rules.yield_margin)
     if rules.backs_up:
         back_up_where_stuck(choices, crew, points, people, clearances.obstacle, told.time)
-    fill_wishes(crew, choices, told, rules.patience, rules.leader_weight, wishes)
+    fill_nominal(crew, choices, told, rules.patience, rules.leader_weight, nominal)
     return all_told
 
 

@@ -10,7 +10,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
-from mrta_falsify.stack.control.dynamics import Wish
+from mrta_falsify.stack.control.dynamics import NominalInput
 from mrta_falsify.stack.control.state import (
     ControllerState,
     CrewView,
@@ -91,7 +91,7 @@ class DecentralisedCbf:
             known=view.present,
             group=np.where(view.present, np.arange(n), -1),
             share=np.where(better, options.share, 1.0 - options.share),
-            wish=Wish(
+            nominal=NominalInput(
                 target=np.where(heard[:, None], view.target, np.nan),
                 speed=view.max_speed,
                 reverse=np.zeros(n, dtype=np.bool_),

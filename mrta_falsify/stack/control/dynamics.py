@@ -27,7 +27,7 @@ class Motion(NamedTuple):
     drives_along: bool  #: the first input is the acceleration along ``direction``
 
 
-class Wish(NamedTuple):
+class NominalInput(NamedTuple):
     """What the robots would do if nothing stood in their way."""
 
     target: Array  #: (N, 2) point to drive to [m], nan: brake
@@ -52,8 +52,8 @@ class Dynamics(Protocol):
     def linearise(self, view: ControlView) -> Motion:
         """Describe the motion of all robots at this tick."""
 
-    def reference(self, view: ControlView, wish: Wish) -> Array:
-        """Compute inputs ``(N, 2)`` that pursue ``wish``, within the limits."""
+    def reference(self, view: ControlView, nominal: NominalInput) -> Array:
+        """Compute inputs ``(N, 2)`` that pursue ``nominal``, within the limits."""
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
         """Compute body twists ``(N, 3)`` after one period of ``inputs``.
@@ -106,12 +106,12 @@ class Unicycle:
         )
         return motion
 
-    def reference(self, view: ControlView, wish: Wish) -> Array:
+    def reference(self, view: ControlView, nominal: NominalInput) -> Array:
         """See :class:`Dynamics`."""
         inputs = np.zeros((len(view.pose), 2))
         _fill_unicycle_reference(
             (view.pose, view.velocity, view.max_acceleration, view.max_turn_rate),
-            tuple(wish),
+            tuple(nominal),
             view.dt,
             tuple(self._gains),
             inputs,
@@ -180,14 +180,14 @@ class Holonomic:
             drives_along=False,
         )
 
-    def reference(self, view: ControlView, wish: Wish) -> Array:
+    def reference(self, view: ControlView, nominal: NominalInput) -> Array:
         """See :class:`Dynamics`."""
         gains = self._options
         velocity = _to_map(view.pose[:, 2], view.velocity)
-        offset = wish.target - view.pose[:, :2]
+        offset = nominal.target - view.pose[:, :2]
         distance = np.hypot(offset[:, 0], offset[:, 1])
         stop = ~np.isfinite(distance) | (distance < gains.stop_distance)
-        speed = np.minimum(gains.k_x * distance, wish.speed)
+        speed = np.minimum(gains.k_x * distance, nominal.speed)
         with np.errstate(invalid="ignore", divide="ignore"):
             wanted = offset / distance[:, None] * speed[:, None]
         wanted = np.where(stop[:, None], 0.0, wanted)
@@ -258,32 +258,32 @@ def _fill_unicycle_reference(
 
     Args:
         told: poses, twists and limits, as for the motion.
-        wanted: fields of :class:`Wish`.
+        wanted: fields of :class:`NominalInput`.
         dt: control period [s].
         law: fields of :class:`UnicycleGains`.
         inputs: filled.
     """
     pose, twist, max_acceleration, max_turn_rate = told
-    wish, gains = Wish(*wanted), UnicycleGains(*law)
+    nominal, gains = NominalInput(*wanted), UnicycleGains(*law)
     for i in range(pose.shape[0]):
         v = twist[i, 0]
         limit, turn_limit = max_acceleration[i], max_turn_rate[i]
         brake = min(limit, max(-limit, -v / dt))
         inputs[i, 0] = brake
-        dx, dy = wish.target[i, 0] - pose[i, 0], wish.target[i, 1] - pose[i, 1]
+        dx, dy = nominal.target[i, 0] - pose[i, 0], nominal.target[i, 1] - pose[i, 1]
         distance = np.sqrt(dx * dx + dy * dy)
         if not distance >= gains.stop_distance:  # also when the target is nan
             continue
         heading = np.arctan2(dy, dx)
-        if wish.reverse[i]:
+        if nominal.reverse[i]:
             heading += np.pi
         error = (heading - pose[i, 2] + np.pi) % (2.0 * np.pi) - np.pi
         inputs[i, 1] = min(turn_limit, max(-turn_limit, gains.k_omega * error))
-        if abs(error) > wish.turn_first[i]:
+        if abs(error) > nominal.turn_first[i]:
             continue
-        speed = min(gains.k_x * distance * np.cos(error), wish.speed[i])
+        speed = min(gains.k_x * distance * np.cos(error), nominal.speed[i])
         speed = max(speed, 0.0)
-        if wish.reverse[i]:
+        if nominal.reverse[i]:
             speed = -speed
         inputs[i, 0] = min(limit, max(-limit, gains.k_v * (speed - v)))
 

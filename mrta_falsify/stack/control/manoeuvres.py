@@ -88,7 +88,7 @@ def _fill_point(choice: np.record, x: float, y: float, reverse: bool) -> None:
 
 
 @njit(cache=True)
-def try_going_on(
+def try_continuing(
     choice: np.record, i: int, robot: np.record, path: Array, traffic: Traffic
 ) -> bool:
     """Go on, or go on slowly; says whether something that stands is in the way of going on."""

@@ -1,4 +1,4 @@
-"""From wishes to twists: the part that all barrier controllers share.
+"""From nominal to twists: the part that all barrier controllers share.
 
 ``Steering.steer`` is one tick of it: ``program`` (limits, rows, reference inputs), ``solve``,
 then twists. The steps are public, so that a benchmark can time the program alone.
@@ -29,7 +29,7 @@ from mrta_falsify.stack.control.barrier import (
     room_for_rows,
 )
 from mrta_falsify.stack.control.barrier_options import CbfOptions
-from mrta_falsify.stack.control.dynamics import Dynamics, Motion, Wish
+from mrta_falsify.stack.control.dynamics import Dynamics, Motion, NominalInput
 from mrta_falsify.stack.control.obstacles import (
     Clearances,
     clearances_of,
@@ -57,8 +57,8 @@ class Scene:
     known: BoolArray  #: (N,) robots that are there
     group: IntArray  #: (N,) robots of equal number decide together, < 0: not at all
     share: Array  #: (N, N) of a demand that a robot (row) takes against one of another group
-    wish: Wish
-    weight: Array  #: (N,) price of moving a robot away from its wish
+    nominal: NominalInput
+    weight: Array  #: (N,) price of moving a robot away from its nominal
 
 
 class InputLimits(NamedTuple):
@@ -82,7 +82,7 @@ class BarrierProgram:
     """The barrier program of a tick: what the robots would like, and what they must obey."""
 
     view: ControlView  #: with poses as the fleet knows them
-    wish: Wish
+    nominal: NominalInput
     motion: Motion
     reference: Array  #: (N, 2) wanted inputs, within the limits
     weight: Array  #: (N,)
@@ -114,7 +114,7 @@ class Steering:
         self._slack_weight = options.slack_weight
 
     def steer(self, view: ControlView, scene: Scene) -> tuple[FleetInputs, Array]:
-        """Find the inputs nearest to the wishes that keep clear, and body twists ``(N, 3)``."""
+        """Find the inputs nearest to the nominal that keep clear, and body twists ``(N, 3)``."""
         program = self.program(view, scene)
         answer = self.solve(program)
         limits = program.limits
@@ -129,7 +129,7 @@ class Steering:
         if scene.pose is not view.pose:
             view = dataclasses.replace(view, pose=scene.pose)
         motion = self._dynamics.linearise(view)
-        reference = np.array(self._dynamics.reference(view, scene.wish), dtype=np.float64)
+        reference = np.array(self._dynamics.reference(view, scene.nominal), dtype=np.float64)
         n, sectors, _ = scene.points.shape
         low, high = np.empty((2, n, 2))
         low_speed, high_speed = np.empty((2, n))
@@ -148,7 +148,7 @@ class Steering:
         )
         return BarrierProgram(
             view=view,
-            wish=scene.wish,
+            nominal=scene.nominal,
             motion=motion,
             reference=reference,
             weight=scene.weight,
@@ -161,7 +161,7 @@ class Steering:
         limits = program.limits
 
         def brake() -> Array:
-            nowhere = program.wish._replace(target=np.full_like(program.wish.target, np.nan))
+            nowhere = program.nominal._replace(target=np.full_like(program.nominal.target, np.nan))
             reference = self._dynamics.reference(program.view, nowhere)
             return np.clip(reference, limits.low, limits.high)
 

@@ -183,7 +183,7 @@ class CorridorTraffic:
                 continue
             stop = stretch.enter - STOP_SHORT
             robot.limit = max(0.0, stop - FILE_GAP * _robots_before(robot, stretch, robots, memory))
-            if not queue.is_asked_from(robot.seen.position) and stop > ASK_AHEAD:
+            if not queue.is_requested_from(robot.seen.position) and stop > ASK_AHEAD:
                 return events
             if robot.seen.room_needed and np.isinf(stretch.leave):
                 robot.asks_for_room = True

@@ -71,7 +71,7 @@ class Queue:
         self._own_spots = chosen.own
         self._policy = policy
 
-    def is_asked_from(self, position: Array) -> bool:
+    def is_requested_from(self, position: Array) -> bool:
         """Whether a robot at ``position`` ``(2,)`` [m] is near enough to ask."""
         return bool(inside(self.resource.request_area, position))
 

@@ -20,7 +20,7 @@ from mrta_falsify.core.findings import Recheck
 from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import kind_of, leading
-from mrta_falsify.verbs.campaign import OnTold, open_store, run_store
+from mrta_falsify.verbs.campaign import OnFeedback, open_store, run_store
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
 from mrta_falsify.verbs.ci.ledger import MOST_EXAMPLES, CellState, Example, Fate, Finding, merged
@@ -52,10 +52,10 @@ class CellRun:
         self._trust = trust
         self.trials = self.rechecked = 0
 
-    def state(self, on_told: OnTold) -> CellState:
+    def state(self, on_feedback: OnFeedback) -> CellState:
         """Run it."""
         # what the search finds goes first: its examples are stored failures of their own mode
-        seen = list(self._search(on_told)) if self._cell.search is not None else []
+        seen = list(self._search(on_feedback)) if self._cell.search is not None else []
         undecided: list[str] = []
         for finding in self._known:
             for example, row in self._rechecked(finding):
@@ -100,7 +100,7 @@ class CellRun:
     def _key(self, example: Example) -> str:
         return codec.digest([self._cell.digest, example, self._cell.jittered])
 
-    def _search(self, on_told: OnTold) -> Iterator[Finding]:
+    def _search(self, on_feedback: OnFeedback) -> Iterator[Finding]:
         """Search the scenario, or go on where a search with the same settings stopped."""
         cell = self._cell
         assert cell.search is not None
@@ -108,7 +108,7 @@ class CellRun:
         _forget_other_settings(folder, cell)
         limits = Limits(budget=cell.search.budget, stop_after=cell.stop_after)
         with open_store(folder, cell.search) as store:
-            result = run_store(store, limits, local_workers(self._workers), on_told=on_told)
+            result = run_store(store, limits, local_workers(self._workers), on_feedback=on_feedback)
         if result.ended == "interrupted":
             raise Interrupted(
                 kept=f"{result.progress.ran} trials of {cell.name}", missing=NO_RESULT

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import PlaceError
-from mrta_falsify.verbs.campaign import OnTold
+from mrta_falsify.verbs.campaign import OnFeedback
 from mrta_falsify.verbs.ci.project import PROJECT_NAME, read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
 from mrta_falsify.verbs.ci.running import CellOutcome, CiResult, run_project
@@ -30,7 +30,7 @@ def ci(
     workers: int | None = None,
     trust: Trust = False,
     on_cell: Callable[[CellOutcome], None] = lambda cell: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
 ) -> CiResult:
     """Run what has changed since the last run of a project, and write what became of its findings.
 
@@ -46,7 +46,7 @@ def ci(
         workers: processes; one per core if None. They change no result.
         trust: run what is not ours and the project names: its programs, stacks and components.
         on_cell: called with each cell before it runs, or is left out.
-        on_told: called with each trial of a search.
+        on_feedback: called with each trial of a search.
 
     Raises:
         InputError: something that the project names is wrong.
@@ -75,7 +75,7 @@ def ci(
             workers=workers,
             trust=trust,
             on_cell=on_cell,
-            on_told=on_told,
+            on_feedback=on_feedback,
             on_result=write,
         )
     except PlaceError as error:

@@ -13,8 +13,8 @@ from mrta_falsify.campaigns.store import owner_of
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.findings import Recheck
-from mrta_falsify.core.interruption import telling
-from mrta_falsify.verbs.campaign import OnTold
+from mrta_falsify.core.interruption import describe_interrupt
+from mrta_falsify.verbs.campaign import OnFeedback
 from mrta_falsify.verbs.ci.cell_run import NO_RESULT, CellRun
 from mrta_falsify.verbs.ci.cells import CAMPAIGNS, Cell, cells_of
 from mrta_falsify.verbs.ci.ledger import (
@@ -75,7 +75,7 @@ def run_project(
     workers: int | None = None,
     trust: Trust = False,
     on_cell: Callable[[CellOutcome], None] = lambda cell: None,
-    on_told: OnTold = lambda record, progress: None,
+    on_feedback: OnFeedback = lambda record, progress: None,
     on_result: Callable[[CiResult], None] = lambda result: None,
 ) -> CiResult:
     """Run the cells of a project that have changed, and write what was found for the next run.
@@ -86,7 +86,7 @@ def run_project(
         workers: processes; one per core if None. They change no result.
         trust: run what is not ours and stored failures name, whoever has made their campaign.
         on_cell: called with each cell before it runs, or is left out.
-        on_told: called with each trial of a search.
+        on_feedback: called with each trial of a search.
         on_result: called before the last run is replaced: what is stopped in it is new next time.
 
     Raises:
@@ -99,7 +99,7 @@ def run_project(
     outcomes: list[CellOutcome] = []
     states: list[CellState] = []
     changes: list[Change] = []
-    with telling(lambda: ("finished trials and re-runs", NO_RESULT)):
+    with describe_interrupt(lambda: ("finished trials and re-runs", NO_RESULT)):
         for cell in cells_of(project):
             known = _known(before, cell)
             changed = cell.changed(before.cell(cell.name)) or (("--all",) if everything else ())
@@ -116,7 +116,7 @@ def run_project(
                     count_cores(workers),
                     trust,
                 )
-                state = run.state(on_told)
+                state = run.state(on_feedback)
                 outcome = CellOutcome(
                     name=cell.name, changed=changed, trials=run.trials, rechecked=run.rechecked
                 )

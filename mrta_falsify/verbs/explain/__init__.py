@@ -4,7 +4,7 @@ from mrta_falsify.verbs.explain.explaining import MAX_RUNS, explain
 from mrta_falsify.verbs.explain.removals import removal_text
 from mrta_falsify.verbs.explain.rewinding import REWINDS
 from mrta_falsify.verbs.explain.rows import NO_LAYER
-from mrta_falsify.verbs.explain.telling import decided_sentences, needs_sentences
+from mrta_falsify.verbs.explain.sentences import decided_sentences, needs_sentences
 
 __all__ = [
     "MAX_RUNS",

@@ -20,11 +20,11 @@ from typing import TypeAlias
 
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import RunJournal, going_on
+from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import ChangedRun, CopyCount, Explanation, LayerRow, Removal
+from mrta_falsify.core.findings import ChangedRun, Explanation, LayerRow, Removal, VoteCount
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -32,7 +32,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.lab import Lab, course_of
 from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
-from mrta_falsify.trial import Job, Judged, judge, of_copy
+from mrta_falsify.trial import Job, Judged, judge, perturbed_job
 from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.changes import Change, changes_of
 from mrta_falsify.verbs.explain.removals import removals_of
@@ -97,7 +97,7 @@ def explain(
     lab = Lab(path, code=code, workers=workers)
     removals = RunJournal(Removal, path, code=code)
     whole = RunJournal(ChangedRun, path, code=code)
-    with going_on(f"explain {record.id}", lab.journal, removals, whole):
+    with resumable(f"explain {record.id}", lab.journal, removals, whole):
         found = explain_job(
             job,
             max_runs=max_runs,
@@ -214,7 +214,7 @@ def _alone(job: Job, verdict: Verdict, judged: Judged) -> tuple[Verdict, Outcome
 
     Without votes, what stands may be seen to do so earlier.
     """
-    own = judge(of_copy(job))
+    own = judge(perturbed_job(job))
     found = (v for v in own.verdicts if v.violated and v.spec == verdict.spec)
     same = next(found, None)
     if same is None:
@@ -261,12 +261,12 @@ def _keep_runs(
         lab.watch(experiment, partial(keep, name, config))
 
 
-def _copies(rows: Sequence[LayerRow]) -> CopyCount:
+def _copies(rows: Sequence[LayerRow]) -> VoteCount:
     """Count the copies of the stack as it is."""
     if not rows or rows[0].copies < 2:
-        return CopyCount(runs=0, failed=0)
+        return VoteCount(runs=0, failed=0)
     stack = rows[0]
-    return CopyCount(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)
+    return VoteCount(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)
 
 
 def _changed_runs(

@@ -33,7 +33,7 @@ from mrta_falsify.core.words import listed
 from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Situation, Vote, experiment_of_job
 from mrta_falsify.specs.attribution import WHOLE, WORLD
 from mrta_falsify.specs.causes import is_outcome, is_shut, primary
-from mrta_falsify.trial import Job, of_copy
+from mrta_falsify.trial import Job, perturbed_job
 from mrta_falsify.verbs.explain.changes import Change
 from mrta_falsify.verbs.explain.whole_runs import STACK_RUNS
 from simulator_interface.simulate import Outcome
@@ -166,7 +166,7 @@ def experiment_of(
         perturbation: number of the copy.
     """
     return dataclasses.replace(
-        experiment_of_job(of_copy(job)),
+        experiment_of_job(perturbed_job(job)),
         early_stop=not is_outcome(failure.verdict),
         until_delivered=failure.tasks,
         ends_late=failure.verdict.spec == "deadlines",

@@ -20,23 +20,23 @@ import yaml
 
 from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
-from mrta_falsify.campaigns.journal import going_on
+from mrta_falsify.campaigns.journal import resumable
 from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.settings import AGAINST_COPIES
 from mrta_falsify.campaigns.signature import mechanism
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.copies import Comparison, judged_by_copies
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import staged, write_atomically
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
-from mrta_falsify.core.record import Jittered, TrialRecord
+from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.lab import Lab, course_of
+from mrta_falsify.perturbed_runs import Comparison, judged_by_vote
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import Job, Judged, judge, of_copy
+from mrta_falsify.trial import Job, Judged, judge, perturbed_job
 from mrta_falsify.verbs.minimize.edits import GROUPS, things_of
 from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
@@ -101,7 +101,7 @@ def minimize(
     if other is not None:
         code += code_digest(other)
     lab = Lab(folder / JOURNAL_NAME, code=code, workers=workers)
-    with going_on(f"minimize {record.id}", lab.journal):
+    with resumable(f"minimize {record.id}", lab.journal):
         found = minimize_job(job, other=other, max_runs=max_runs, lab=lab, on_run=on_run)
         return _write(found, job, other, folder)
 
@@ -213,7 +213,7 @@ def minimize_job(
         judged = judge(smallest)
         if other is None:
             fails = reruns.perturbed(world)
-            said = Comparison(Jittered(runs=len(fails), failed=sum(fails)), None)
+            said = Comparison(PerturbedRuns(runs=len(fails), failed=sum(fails)), None)
         else:
             said = _ask_both(smallest, judged, other)
     pairs, tried = search.count_pairs()
@@ -242,7 +242,7 @@ def _ask_both(job: Job, judged: Judged, other: StackConfig) -> Comparison:
         return lambda copy: judge(dataclasses.replace(job, world=copy))
 
     theirs = dataclasses.replace(job, config=other)
-    return judged_by_copies(job.world, judged, AGAINST_COPIES, run(of_copy(job)), run(theirs))
+    return judged_by_vote(job.world, judged, AGAINST_COPIES, run(perturbed_job(job)), run(theirs))
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

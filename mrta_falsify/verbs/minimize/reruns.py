@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mrta_falsify.campaigns.signature import mechanism
-from mrta_falsify.copies import fate_by
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import Course, Experiment, Lab, RunResult, experiment_of_job
+from mrta_falsify.perturbed_runs import fate_by
 from mrta_falsify.specs.causes import is_shut, kind_of, leading
-from mrta_falsify.trial import Job, of_copy
+from mrta_falsify.trial import Job, perturbed_job
 
 PERTURBED = 10  # runs of a world with small differences that vote on it
 
@@ -114,7 +114,7 @@ class Reruns:
         return tuple(failed for failed in fails if failed is not None)
 
     def _experiment(self, world: World, *, perturbed: bool = False) -> Experiment:
-        job = of_copy(self.job) if perturbed else self.job
+        job = perturbed_job(self.job) if perturbed else self.job
         return dataclasses.replace(experiment_of_job(job), world=world, with_course=not perturbed)
 
     def _repeats(self, result: RunResult) -> bool | None:

@@ -27,7 +27,7 @@ from mrta_falsify.verbs.campaign_summary import (
     failures_by_kind,
     kinds_text,
     modes,
-    sought_modes,
+    primary_modes,
     stack_comparison,
     unjudged_sentences,
 )
@@ -122,7 +122,7 @@ def build_report(
     )
 
 
-def told_in_short(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, ...]:
+def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, ...]:
     """Sum a campaign up as the first screen of its page does, with what the numbers do not say.
 
     Args:
@@ -163,11 +163,11 @@ def _headline(
     counts = failures_by_kind(failed)
     shut = counts.pop("shut")
     sought = len(failed) - last - shut
-    count = sought_modes(found)
+    count = primary_modes(found)
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
-    looked_for = " that is looked for first" if last else ""
-    first = f"{sought} of {judged} trials {verb} a specification{looked_for}, in {kinds}"
+    primary_and_secondary = " that is looked for first" if last else ""
+    first = f"{sought} of {judged} trials {verb} a specification{primary_and_secondary}, in {kinds}"
     first += f": {kinds_text({**counts, 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"

@@ -20,9 +20,9 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
 from mrta_falsify.specs.causes import by_cause, kind_of
 from mrta_falsify.verbs.campaign_summary import modes
-from mrta_falsify.verbs.certify.telling import claim_sentences, read_certificate
+from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import NO_LAYER, decided_sentences, needs_sentences, removal_text
-from mrta_falsify.verbs.minimize.telling import minimal_text
+from mrta_falsify.verbs.minimize.sentences import minimal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import neighbour_of
 from mrta_falsify.verbs.stored_trials import (

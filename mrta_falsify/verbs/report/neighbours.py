@@ -13,7 +13,7 @@ from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import number_text
 from mrta_falsify.verbs.made_again import keep_run
-from mrta_falsify.verbs.report.trial_table import dimension_names, told_values
+from mrta_falsify.verbs.report.trial_table import dimension_names, dimension_values
 from mrta_falsify.verbs.trust import Trust
 from reports.contents import Neighbour
 
@@ -44,7 +44,7 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
         return None
     steps = _steps(campaign, record.candidate.u, near.candidate.u)
     names = dimension_names(campaign)
-    here, there = told_values(campaign, record), told_values(campaign, near)
+    here, there = dimension_values(campaign, record), dimension_values(campaign, near)
     texts = {int(i): (_text(here[i]), _text(there[i])) for i in np.flatnonzero(steps > 0.0)}
     order = [
         int(i)

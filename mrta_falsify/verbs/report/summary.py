@@ -18,7 +18,7 @@ from mrta_falsify.verbs.campaign_summary import (
     FailureMode,
     failures_by_kind,
     first_failure,
-    sought_modes,
+    primary_modes,
     unseen_in,
 )
 from mrta_falsify.verbs.report.trial_table import dimension_names
@@ -113,7 +113,7 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
     first = first_failure(judged)
     if first is None:
         return []
-    count = sought_modes(found)
+    count = primary_modes(found)
     kinds = "one way" if count == 1 else f"{count} different ways"
     return [f"They fail in {kinds}; the first of these came in trial {first} of {len(judged)}."]
 

@@ -70,7 +70,7 @@ def values_of(record: TrialRecord) -> tuple[float | None, ...]:
     return record.values or tuple(map(float, record.candidate.u))
 
 
-def told_values(campaign: Campaign, record: TrialRecord) -> tuple[DimensionValue, ...]:
+def dimension_values(campaign: Campaign, record: TrialRecord) -> tuple[DimensionValue, ...]:
     """Give the same as a person reads them."""
     return tuple(campaign.values_of(record).values()) or values_of(record)
 
@@ -86,7 +86,7 @@ def outcome_of(record: TrialRecord) -> str:
 
 def _row(campaign: Campaign, record: TrialRecord, mode: int, kept: Sequence[int]) -> TrialRow:
     verdict = leading(record.verdicts)
-    values = told_values(campaign, record)
+    values = dimension_values(campaign, record)
     return TrialRow(
         id=record.id,
         outcome=outcome_of(record),

@@ -17,8 +17,8 @@ from simulator_interface.foreign.dds.link import Link
 from simulator_interface.foreign.dds.nodes import NodeEnded, Nodes
 from simulator_interface.foreign.dds.waiting import Silence, TickEnd, end_of_ticks
 from simulator_interface.foreign.dds.wire_types import WireTypes
-from simulator_interface.foreign.heard import Heard
 from simulator_interface.foreign.interfaces import humble_types
+from simulator_interface.foreign.last_values import LastValue
 from simulator_interface.foreign.robot_topics import RobotTopics, nanoseconds_of
 
 NAME = "ROS 2 by DDS"
@@ -77,7 +77,7 @@ class Bridge:
         types = WireTypes(humble_types())
         self._link = Link(domain, types)
         self._topics = RobotTopics(world, settings.topics, types.make)
-        self._heard = Heard(self._topics)
+        self._heard = LastValue(self._topics)
         for topic in self._topics.published:
             self._link.advertise(topic)
         is_stepped = settings.coupling == "stepped"  # then only acknowledgements are waited for

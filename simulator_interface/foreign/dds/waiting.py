@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from mrta_falsify.core.external import Coupling
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.dds.link import Link
-from simulator_interface.foreign.heard import NEVER, Heard
+from simulator_interface.foreign.last_values import NEVER, LastValue
 from simulator_interface.foreign.robot_topics import NANO, Qos, Topic
 
 SLICE = 0.5  # s of one wait; between two it is looked whether the nodes still run
@@ -39,7 +39,7 @@ class TickEnd(Protocol):
 
 
 def end_of_ticks(
-    settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
+    settings: BridgeSettings, link: Link, heard: LastValue, look: Callable[[], None]
 ) -> TickEnd:
     """Choose by the coupling.
 
@@ -63,7 +63,7 @@ class Stepped:
     """
 
     def __init__(
-        self, settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
+        self, settings: BridgeSettings, link: Link, heard: LastValue, look: Callable[[], None]
     ) -> None:
         self._settings, self._link, self._heard, self._look = settings, link, heard, look
         self._acknowledged = dict.fromkeys(settings.done, (NEVER, 0))
@@ -107,7 +107,7 @@ class Awaited:
     """
 
     def __init__(
-        self, settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
+        self, settings: BridgeSettings, link: Link, heard: LastValue, look: Callable[[], None]
     ) -> None:
         self._settings, self._link, self._heard, self._look = settings, link, heard, look
         self._period = max(1, round(settings.command_every * NANO))
@@ -136,7 +136,7 @@ class Paced:
     """Waits for the wall clock; see :class:`TickEnd` and :func:`end_of_ticks`."""
 
     def __init__(
-        self, settings: BridgeSettings, link: Link, heard: Heard, look: Callable[[], None]
+        self, settings: BridgeSettings, link: Link, heard: LastValue, look: Callable[[], None]
     ) -> None:
         self._settings, self._link, self._heard, self._look = settings, link, heard, look
         self._before = (0, time.monotonic())  # simulated [ns] and wall-clock time [s]

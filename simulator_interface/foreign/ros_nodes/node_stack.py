@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from simulator_interface.foreign.heard import Heard
 from simulator_interface.foreign.interfaces import read_interfaces
+from simulator_interface.foreign.last_values import LastValue
 from simulator_interface.foreign.robot_topics import Qos, RobotTopics, Topic, nanoseconds_of
 from simulator_interface.foreign.ros_nodes import here, navigator
 from simulator_interface.foreign.ros_nodes.fibres import NS, Timeline
@@ -130,7 +130,7 @@ class NodeStack:
         drives: Literal["nodes", "harness"] = "nodes",
     ) -> None:
         self._graph, self._topics, self._drives = graph, robot_topics, drives
-        self._heard = Heard(robot_topics)
+        self._heard = LastValue(robot_topics)
         navigator.BasicNavigator.planner = staticmethod(harness.plan)
         self._publishers = {
             topic: graph.publisher(topic.type, topic.name, topic.qos)

@@ -199,13 +199,13 @@ def test_an_empty_file_means_the_defaults(tmp_path):
 
 
 def test_a_command_counts_until_it_is_stale():
-    from simulator_interface.foreign.heard import Heard
+    from simulator_interface.foreign.last_values import LastValue
     from simulator_interface.foreign.robot_topics import NANO, RobotTopics, Topics
     from tests.foreign.plain_messages import make
     from tests.foreign.seen_worlds import world_seen
 
     topics = RobotTopics(world_seen(2), Topics(), make)
-    heard = Heard(topics)
+    heard = LastValue(topics)
     topic = next(t for t in topics.heard if t.field == "cmd_vel" and t.robot == 1)
     message = make(topic.type)
     message.linear.x = 0.4

@@ -13,7 +13,7 @@ pytest.importorskip("rosbags")
 
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.dds.waiting import Silence, end_of_ticks
-from simulator_interface.foreign.heard import Heard
+from simulator_interface.foreign.last_values import LastValue
 from simulator_interface.foreign.robot_topics import NANO, RobotTopics, Topics
 from tests.foreign.plain_messages import make
 from tests.foreign.seen_worlds import world_seen
@@ -51,7 +51,7 @@ class Scene:
 
     def __init__(self, **settings) -> None:
         topics = RobotTopics(world_seen(2), Topics(stamped=True), make)
-        self.link, self.heard = ScriptedLink(), Heard(topics)
+        self.link, self.heard = ScriptedLink(), LastValue(topics)
         self._commands = [topic for topic in topics.heard if topic.field == "cmd_vel"]
         self.looked = 0
         chosen = BridgeSettings(**settings)

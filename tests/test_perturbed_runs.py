@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrta_falsify.campaigns.runner import feedback_of
-from mrta_falsify.campaigns.statistics import chance_in_copies, failure_probability
-from mrta_falsify.copies import expected_margin, judged_by_copies, trial_score
+from mrta_falsify.campaigns.statistics import chance_in_vote, failure_probability
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import Jittered, OtherRun, TrialRecord
+from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
+from mrta_falsify.perturbed_runs import expected_margin, judged_by_vote, trial_score
 from mrta_falsify.specs.objectives import differing
 
 COPIES = 4
@@ -40,7 +40,7 @@ def run(margin: float | None) -> Any:
         verdicts=(verdict,),
         margins=margins,
         secondary=frozenset(),
-        is_sought=verdict.violated,
+        is_primary=verdict.violated,
         is_shut=False,
         outcome=SimpleNamespace(trace=trace, ended="horizon", sim_time=60.0, wall_s=1.0),
     )
@@ -75,7 +75,7 @@ def compared(hall, mine: tuple[float, ...], theirs: tuple[float | None, ...]):
     """The record of a world that fails by 0.5, and how many runs each stack was asked for."""
     one, other = Stack(*mine), Stack(*theirs)
     judged = run(-0.5)
-    said = judged_by_copies(hall, judged, COPIES, one, other)
+    said = judged_by_vote(hall, judged, COPIES, one, other)
     return record_of(said, judged), (one.runs, other.runs)
 
 
@@ -100,7 +100,7 @@ def compared(hall, mine: tuple[float, ...], theirs: tuple[float | None, ...]):
 )
 def test_a_failure_counts_if_most_copies_fail_here_and_pass_there(hall, mine, theirs, counts, runs):
     record, spent = compared(hall, mine, theirs)
-    assert record.wanted == counts
+    assert record.is_robust == counts
     assert spent == runs
     assert record.other is not None
     assert record.other.runs == runs[1] == record.other.wall_s
@@ -116,7 +116,7 @@ def test_both_stacks_are_asked_about_the_same_copies(hall):
 
         return ask
 
-    judged_by_copies(hall, run(-0.5), COPIES, asked("here", -1.0), asked("there", 1.0))
+    judged_by_vote(hall, run(-0.5), COPIES, asked("here", -1.0), asked("there", 1.0))
     assert seen["there"] == [hall.digest(), *seen["here"]]
     assert len(set(seen["there"])) == 4
 
@@ -126,7 +126,7 @@ def test_a_failure_of_both_stacks_is_told_as_a_world_that_passes(hall):
     told = feedback_of(record, Cube(dimensions=1))
     assert record.failed
     assert record.fails_on_both
-    assert not record.is_sought
+    assert not record.is_primary
     assert not told.failed
     assert told.signature == ""
     assert told.score == pytest.approx(0.25)
@@ -162,7 +162,7 @@ def test_a_knife_edge_of_either_stack_is_a_kind_of_its_own(hall):
 def test_without_another_stack_nothing_is_asked_of_one(hall):
     one = Stack(-1, -1, -1)
     judged = run(-0.5)
-    said = judged_by_copies(hall, judged, COPIES, one)
+    said = judged_by_vote(hall, judged, COPIES, one)
     assert said.other is None
     assert record_of(said, judged).wanted
     assert record_of(said, judged).score == pytest.approx(-4 / 5)
@@ -177,7 +177,7 @@ def test_few_copies_tell_a_margin_less_surely_than_many():
 
 def test_a_knife_edge_is_told_as_worlds_beside_it_and_as_unsure(hall):
     one = Stack(0.4, 0.4)
-    said = judged_by_copies(hall, run(-0.8), COPIES, one)
+    said = judged_by_vote(hall, run(-0.8), COPIES, one)
     told = feedback_of(record_of(said, run(-0.8)), Cube(dimensions=1))
     assert told.objectives == {"no_deadlock": pytest.approx(0.4 - 1.2 / 4)}
     assert said.jittered.noise == {"no_deadlock": pytest.approx(1.2**2 * 3 / 80)}
@@ -206,7 +206,7 @@ def test_the_margin_of_a_difference_is_below_zero_only_for_one(margin, other):
     runs=st.integers(0, COPIES),
 )
 def test_copies_that_were_not_run_widen_the_interval_both_ways(fates, runs):
-    cut = chance_in_copies(Jittered(runs=runs, failed=sum(fates[:runs])), COPIES)
+    cut = chance_in_vote(PerturbedRuns(runs=runs, failed=sum(fates[:runs])), COPIES)
     whole = failure_probability(sum(fates), COPIES)
     assert cut.low <= whole.low
     assert whole.high <= cut.high

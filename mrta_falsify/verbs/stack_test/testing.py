@@ -17,8 +17,8 @@ from mrta_falsify.core.external import CONNECT, EXEC
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.door_test import conversing, episodes
-from mrta_falsify.verbs.door_test.episodes import Failed, TickTime
+from mrta_falsify.verbs.stack_test import conversing, episodes
+from mrta_falsify.verbs.stack_test.episodes import Failed, TickTime
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from scenic_worlds.layouts import load_world
 
@@ -40,7 +40,7 @@ class DoorCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DoorReport:
-    """What ``door-test`` found."""
+    """What ``stack-test`` found."""
 
     name: str  #: of the stack, as it says
     version: str
@@ -55,7 +55,7 @@ class DoorReport:
         return all(check.outcome != "failed" for check in self.checks)
 
 
-def door_test(
+def stack_test(
     command: str,
     *,
     robots: Sequence[int] = FLEETS,

@@ -1,4 +1,4 @@
-"""`door-test`: which checks a stack passes, and what is said of those it fails."""
+"""`stack-test`: which checks a stack passes, and what is said of those it fails."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_stacks_to_begin_with_pass_and_their_ticks_are_timed(language, tmp_p
         command = str(program)
     else:
         command = f"{sys.executable} {tmp_path}/first/my_stack.py"
-    report = mf.door_test(command, robots=(6,))
+    report = mf.stack_test(command, robots=(6,))
     assert report.passed, report.checks
     assert set(outcomes(report).values()) == {"ok"}
     (tick,) = report.ticks
@@ -55,7 +55,7 @@ def test_the_stacks_to_begin_with_pass_and_their_ticks_are_timed(language, tmp_p
 
 
 def test_a_stack_that_draws_noise_is_told_where_it_differs(bad_stack):
-    report = mf.door_test(bad_stack("noise", 30))
+    report = mf.stack_test(bad_stack("noise", 30))
     assert not report.passed
     assert report.ticks == ()
     failed = {name for name, outcome in outcomes(report).items() if outcome == "failed"}
@@ -70,11 +70,11 @@ def test_a_stack_that_draws_noise_is_told_where_it_differs(bad_stack):
 
 
 def test_a_stack_that_fails_in_mid_run_is_told_how(bad_stack):
-    report = mf.door_test(bad_stack("nan", 30))
+    report = mf.stack_test(bad_stack("nan", 30))
     said = text(report, "answers each tick as the protocol says")
     assert said.startswith("answer at tick 30: twist of")
 
 
 def test_a_stack_that_does_not_start_is_bad_input(bad_stack):
     with pytest.raises(ConfigError, match="no world like this"):
-        mf.door_test(bad_stack("refuses", 0))
+        mf.stack_test(bad_stack("refuses", 0))

@@ -14,20 +14,20 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import (
     GIB,
-    AskedAgain,
+    DeterminismCheck,
     FailureKind,
     StackFailed,
     StackFailure,
 )
 from simulator_interface.external.answers import Ready, shown
-from simulator_interface.external.branching import CannotBranch, Exchanges, connect_branch
+from simulator_interface.external.branching import CannotBranch, MessageLog, connect_branch
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import NO_ANSWER, Heavy, StackProcess, why_no_answer
-from simulator_interface.external.second_answers import (
+from simulator_interface.external.second_run import (
     Exchange,
     no_further,
     other_answer,
-    told_again,
+    run_again,
 )
 from simulator_interface.external.services import Services
 from simulator_interface.external.transcript import Transcript, TranscriptRecorder
@@ -43,7 +43,7 @@ MOST_EXCHANGED = 4.0
 FRESH_TICKS = 200
 
 
-class Talk(Protocol):
+class StackSession(Protocol):
     """Where the answers of a stack come from."""
 
     ready: Ready
@@ -69,7 +69,7 @@ class Talk(Protocol):
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
         """Keep what was seen in a copy of the run."""
 
-    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], DeterminismCheck | None]:
         """Ask a fork of the stack a tick that the stack has not been asked yet.
 
         Args:
@@ -79,7 +79,7 @@ class Talk(Protocol):
             What compares the answers once the stack has given its own; None: no fork answers.
         """
 
-    def ask_fresh(self) -> AskedAgain:
+    def ask_fresh(self) -> DeterminismCheck:
         """Tell a fresh process all that was said, and compare its answers."""
 
     @property
@@ -97,8 +97,8 @@ class Talk(Protocol):
         """End it."""
 
 
-class Conversation:
-    """With a process of its own; see :class:`Talk`.
+class LiveSession:
+    """With a process of its own; see :class:`StackSession`.
 
     Args:
         options: of the stack.
@@ -120,7 +120,7 @@ class Conversation:
         self._process: StackProcess | None = StackProcess(options)
         self._wire: Wire = self._process.wire
         self.ready = self._process.ready
-        self._exchanges = Exchanges(are_kept=self._may_replay())
+        self._exchanges = MessageLog(are_kept=self._may_replay())
         self._recorder = TranscriptRecorder(self.ready)
         try:
             with self._process.starting():
@@ -132,7 +132,7 @@ class Conversation:
             raise
 
     def ask(self, message: Message, tick: int, time: float) -> tuple[Message, bytes]:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         limit = self._options.tick_limit
         try:
             heard, body = self._exchange(message, time, limit)
@@ -156,7 +156,7 @@ class Conversation:
         part: str = "",
         lines: Sequence[str] | None = None,
     ) -> StackFailed:
-        """See :class:`Talk`; ``lines`` are the last that it printed, None: to be asked for."""
+        """See :class:`StackSession`; ``lines`` it printed last, None: to be asked for."""
         if self._branch_pid and kind == "hang":
             self._exchanges.note_forking_failed()
             with contextlib.suppress(ProcessLookupError):
@@ -170,19 +170,19 @@ class Conversation:
         return StackFailed(failure)
 
     def note_kept(self, size: int) -> None:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         self._kept += size
 
     def transcript(self) -> Transcript:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         return self._recorder.finish()
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         self._recorder.forecasts.append(answer)
 
     def close(self) -> None:
-        """See :class:`Talk`; may be called twice."""
+        """See :class:`StackSession`; may be called twice."""
         self._let_go()
         self._exchanges.close()
 
@@ -217,11 +217,11 @@ class Conversation:
 
     @property
     def can_branch(self) -> bool:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         return self._may_fork() or self._may_replay()
 
     def branch(self) -> None:
-        """See :class:`Talk`; by fork if the stack can, else by telling a fresh one everything.
+        """See :class:`StackSession`; by fork if the stack can, else by telling a fresh one all.
 
         Raises:
             CannotBranch: it can do neither, or does not answer the same.
@@ -265,7 +265,7 @@ class Conversation:
         self._let_go()
         self._process = self._fresh_process()
         self._wire = self._process.wire
-        other = self._told_again(self._process).difference
+        other = self._run_again(self._process).difference
         if other is not None:
             of = f" of {other.robot}" if other.robot else ""
             raise CannotBranch(
@@ -278,16 +278,16 @@ class Conversation:
         except ConfigError as error:
             raise no_further(error) from None
 
-    def _told_again(self, process: StackProcess, most_ticks: float = math.inf) -> AskedAgain:
+    def _run_again(self, process: StackProcess, most_ticks: float = math.inf) -> DeterminismCheck:
         limits = (self._options.start_limit, self._options.tick_limit)
-        return told_again(
+        return run_again(
             process.wire, self._exchanges, self._names, limits=limits, most_ticks=most_ticks
         )
 
     # --- asked again --------------------------------------------------------------------------
 
-    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
-        """See :class:`Talk`."""
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], DeterminismCheck | None]:
+        """See :class:`StackSession`."""
         again = None
         if self._may_fork() and not self._exchanges.is_copy:
             with contextlib.suppress(CopyFailed, StackFailed, CannotBranch):
@@ -301,26 +301,28 @@ class Conversation:
         ask()
         return self._last
 
-    def _compared(self, again: bytes | None) -> AskedAgain | None:
+    def _compared(self, again: bytes | None) -> DeterminismCheck | None:
         """Compare the answer to the last tick with that of a fork."""
         found = None
         if again is not None:
             self._forks_compared += 1
             first, other = (self._wire.read(body) for body in (self._last, again))
-            found = AskedAgain(difference=other_answer(Exchange({}, first, other), self._names))
+            found = DeterminismCheck(
+                difference=other_answer(Exchange({}, first, other), self._names)
+            )
         self._recorder.again.append(found)
         return found
 
-    def ask_fresh(self) -> AskedAgain:
-        """See :class:`Talk`; only the first ticks where forks have been asked as well."""
+    def ask_fresh(self) -> DeterminismCheck:
+        """See :class:`StackSession`; only the first ticks where forks have been asked as well."""
         try:
             found = self._ask_fresh()
         except CannotBranch as error:
-            found = AskedAgain(why_not=str(error))
+            found = DeterminismCheck(why_not=str(error))
         self._recorder.again.append(found)
         return found
 
-    def _ask_fresh(self) -> AskedAgain:
+    def _ask_fresh(self) -> DeterminismCheck:
         if not self._is_stepped():
             raise CannotBranch(
                 f"the coupling of the stack is {self.ready.coupling}: "
@@ -333,13 +335,13 @@ class Conversation:
         process = self._fresh_process()
         try:
             most = FRESH_TICKS if self._forks_compared else math.inf
-            return self._told_again(process, most)
+            return self._run_again(process, most)
         finally:
             process.close()
 
 
 class TranscriptSession:
-    """Tells again what a stack has said; see :class:`Talk`.
+    """Tells again what a stack has said; see :class:`StackSession`.
 
     Args:
         transcript: what it said.
@@ -354,7 +356,7 @@ class TranscriptSession:
         self._again = iter(transcript.again)
 
     def ask(self, message: Message, tick: int, time: float) -> tuple[Message, bytes]:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         del message
         failure = self._transcript.failure
         if failure is not None and tick >= failure.tick:
@@ -368,32 +370,32 @@ class TranscriptSession:
     def failed(
         self, kind: FailureKind, text: str, tick: int, time: float, part: str = ""
     ) -> StackFailed:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         return StackFailed(
             StackFailure(kind=kind, tick=tick, time=time, exception=part, message=text)
         )
 
     def note_kept(self, size: int) -> None:
-        """See :class:`Talk`; it was counted when the stack said it."""
+        """See :class:`StackSession`; it was counted when the stack said it."""
 
     def transcript(self) -> Transcript:
-        """See :class:`Talk`."""
+        """See :class:`StackSession`."""
         return self._transcript
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
-        """See :class:`Talk`; it is known."""
+        """See :class:`StackSession`; it is known."""
 
-    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], AskedAgain | None]:
-        """See :class:`Talk`; it is known what came of it."""
+    def ask_copy(self, ask: Callable[[], object]) -> Callable[[], DeterminismCheck | None]:
+        """See :class:`StackSession`; it is known what came of it."""
         del ask
         return lambda: next(self._again, None)
 
-    def ask_fresh(self) -> AskedAgain:
-        """See :class:`Talk`; it is known what came of it."""
-        return next(self._again, None) or AskedAgain(why_not="no second answers are stored")
+    def ask_fresh(self) -> DeterminismCheck:
+        """See :class:`StackSession`; it is known what came of it."""
+        return next(self._again, None) or DeterminismCheck(why_not="no second answers are stored")
 
     def branch(self) -> None:
-        """See :class:`Talk`; there is no stack to be copied."""
+        """See :class:`StackSession`; there is no stack to be copied."""
         raise CannotBranch("stored answers go no further")
 
     def close(self) -> None:

@@ -18,8 +18,8 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
-from simulator_interface.external.conversation import Talk
 from simulator_interface.external.messages import Message
+from simulator_interface.external.session import StackSession
 from simulator_interface.simulate import Outcome, simulate
 from simulator_interface.watched_copy import run_in_watched_copy
 
@@ -101,7 +101,7 @@ def _timed(config: StackConfig, world: World) -> TickTime:
     episode = Episode(world, config)
     assert episode.outside is not None
     clock = _Clock(episode.outside.talk)
-    episode.outside.talk = cast(Talk, clock)
+    episode.outside.talk = cast(StackSession, clock)
     frames = episode.frames()
     try:
         for _ in range(WARM_TICKS + TIMED_TICKS):
@@ -120,7 +120,7 @@ def _timed(config: StackConfig, world: World) -> TickTime:
 class _Clock:
     """Times how long it takes to ask, and passes all else on."""
 
-    def __init__(self, talk: Talk) -> None:
+    def __init__(self, talk: StackSession) -> None:
         self._talk = talk
         self.spent: list[float] = []  #: s
         self.sizes: list[int] = []  #: of the answers [bytes]

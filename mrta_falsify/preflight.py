@@ -1,4 +1,4 @@
-"""Rehearsals: what a world asks of any stack, told in milliseconds and without running it.
+"""Preflights: what a world asks of any stack, told in milliseconds and without running it.
 
 Robots go their ways at cruise speed, people theirs, and nobody sees anybody. Each task goes to the
 robot that would begin it first; rooms admit as many as they have place for, first come first
@@ -19,13 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import INSCRIBED
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.polyline import path_length
 from mrta_falsify.core.shapes import polygons
 from mrta_falsify.core.world import HumanSpec, Task, World
+from mrta_falsify.static_floor import StaticFloor
 
 CELL = 0.1  # m of the map on which ways are looked for
 KEPT_FLOORS = 4  # whose ways are kept
@@ -43,13 +43,13 @@ STEP = 0.2  # m between points of a way that are looked at
 ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
 
 
-def rehearse(world: World) -> Array:
+def preflight(world: World) -> Array:
     """Measure what a world asks of a stack.
 
     Returns:
         ``(m,)`` by :data:`~mrta_falsify.core.feedback.DEMANDS`; larger asks for more.
     """
-    fleet = _Fleet(world, _ways(BareFloor.of(world)))
+    fleet = _Fleet(world, _ways(StaticFloor.of(world)))
     schedule = _acted(fleet, _assigned(fleet))
     moments = np.linspace(0.0, world.horizon, min(MOMENTS, 2 + int(world.horizon)))
     robots = _driven(fleet, schedule.drives, moments)
@@ -103,7 +103,7 @@ class _Schedule:
 class _Ways:
     """Ways on a floor without furniture; those between rooms are kept."""
 
-    def __init__(self, floor: BareFloor) -> None:
+    def __init__(self, floor: StaticFloor) -> None:
         self._rooms = [room.point for room in floor.world.rooms]
         self._planner, self.costmap = floor.planner(
             {"resolution": CELL}, {"resolution": CELL, "goal_cache": KEPT_GOALS}
@@ -124,7 +124,7 @@ class _Ways:
 
 
 @functools.lru_cache(maxsize=KEPT_FLOORS)
-def _ways(floor: BareFloor) -> _Ways:
+def _ways(floor: StaticFloor) -> _Ways:
     return _Ways(floor)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Watch
-from mrta_falsify.specs.deadlock.untold_goals import UntoldGoals
+from mrta_falsify.specs.deadlock.unknown_goals import UnknownGoals
 from mrta_falsify.specs.library import build_specifications
 from simulator_interface import forking
 from simulator_interface.simulate import simulate
@@ -70,9 +70,9 @@ def test_each_robot_that_stands_is_asked_about_once_without_all_others():
     script = Script(robots=robots, seconds=30.0)
     world = script.world()
     frames = list(script.frames(world))
-    untold, alone = UntoldGoals(world, DT), Alone(frames[0])
+    untold, alone = UnknownGoals(world, DT), Alone(frames[0])
     for frame in frames:
-        seen = untold.told_for(frame, alone)
+        seen = untold.with_goals(frame, alone)
     assert alone.asked == [(1,), (0,)]
     assert seen.intent.goal[0] == pytest.approx((5.0, 2.0), abs=0.1)
     assert np.isnan(seen.intent.goal[1]).all()

@@ -8,11 +8,11 @@ import pytest
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.rehearsal import rehearse
-from mrta_falsify.verbs import scene_rehearsal
+from mrta_falsify.preflight import preflight
+from mrta_falsify.verbs import scene_preflight
 from mrta_falsify.verbs.campaign import campaign
 from mrta_falsify.verbs.campaign_settings import new_settings
-from mrta_falsify.verbs.scene_rehearsal import SceneRehearsal
+from mrta_falsify.verbs.scene_preflight import ScenePreflight
 from mrta_falsify.verbs.stored_trials import stored_world
 from tests.quick_program import PROGRAM
 
@@ -26,16 +26,16 @@ def program(tmp_path):
 
 def test_a_scene_is_the_one_that_a_trial_would_run_and_always_the_same(program, tmp_path):
     settings = new_settings(program, output=tmp_path / "c").trials
-    rehearsal, another = SceneRehearsal(settings), SceneRehearsal(settings)
-    random = stream(0, "test/rehearsal")
-    k = len(rehearsal._program.space)
+    preflight, another = ScenePreflight(settings), ScenePreflight(settings)
+    random = stream(0, "test/preflight")
+    k = len(preflight._program.space)
     for _ in range(5):
         u = random.random(k)
-        found, again = rehearsal(u), another(u)
+        found, again = preflight(u), another(u)
         assert found is not None
         np.testing.assert_array_equal(found.u, again.u)
         np.testing.assert_array_equal(found.demands, again.demands)
-        same = rehearsal(found.u)  # what was realised is valid as it is
+        same = preflight(found.u)  # what was realised is valid as it is
         np.testing.assert_array_equal(same.u, found.u)
         np.testing.assert_array_equal(same.demands, found.demands)
 
@@ -43,21 +43,21 @@ def test_a_scene_is_the_one_that_a_trial_would_run_and_always_the_same(program, 
 def test_a_point_without_a_scene_has_no_demands(program, tmp_path):
     program.write_text(PROGRAM + "require False\n")
     settings = new_settings(program, output=tmp_path / "c").trials
-    assert SceneRehearsal(settings)(np.full(6, 0.5)) is None
+    assert ScenePreflight(settings)(np.full(6, 0.5)) is None
 
 
 def test_a_program_that_has_changed_is_an_error_and_no_missing_scene(program, tmp_path):
     settings = new_settings(program, output=tmp_path / "c").trials
     program.write_text(PROGRAM + "param horizon = 50\n")
     with pytest.raises(InputError, match="has changed"):
-        SceneRehearsal(settings)(np.full(6, 0.5))
+        ScenePreflight(settings)(np.full(6, 0.5))
 
 
 def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypatch):
     looked_at = []
-    plain = scene_rehearsal.rehearse
+    plain = scene_preflight.preflight
     monkeypatch.setattr(
-        scene_rehearsal, "rehearse", lambda world: looked_at.append(plain(world)) or looked_at[-1]
+        scene_preflight, "preflight", lambda world: looked_at.append(plain(world)) or looked_at[-1]
     )
     result = campaign(
         program, tmp_path / "c", sampler="samplers.demanding:DemandingSampler", budget=4, workers=1
@@ -66,6 +66,6 @@ def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypa
     known = np.array(looked_at)
     assert len(known) > 4 * len(result.campaign.records)
     for record in result.campaign.records:
-        demands = rehearse(stored_world(result.campaign, record))
+        demands = preflight(stored_world(result.campaign, record))
         assert demands.shape == (len(DEMANDS),)
         assert (np.abs(known - demands).max(axis=1) < 1e-9).any()

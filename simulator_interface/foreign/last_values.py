@@ -12,7 +12,7 @@ from simulator_interface.foreign.robot_topics import NANO, RobotTopics, Topic
 NEVER = -1
 
 
-class Heard:
+class LastValue:
     """Collects messages between two answers.
 
     Args:

@@ -14,7 +14,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.door_test.episodes import Failed
+from mrta_falsify.verbs.stack_test.episodes import Failed
 from simulator_interface.external.answers import Reader, Ready, Wrong
 from simulator_interface.external.messages import Message, tick_message, world_message
 from simulator_interface.external.process import StackProcess

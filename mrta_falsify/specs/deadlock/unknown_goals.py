@@ -62,7 +62,7 @@ class AloneWatch:
         return {"goal": None if self._goal is None else list(self._goal)}
 
 
-class UntoldGoals:
+class UnknownGoals:
     """Finds the goals of robots that stand, one copy of the run for each; one object per episode.
 
     Args:
@@ -78,7 +78,7 @@ class UntoldGoals:
         self._goal = np.full((robots, 2), np.nan)
         self._tracker = BlockedByTracker(world, dt)
 
-    def told_for(self, frame: Frame, forecast: Forecast) -> Frame:
+    def with_goals(self, frame: Frame, forecast: Forecast) -> Frame:
         """Give the frame as if the stack told the goals of the robots that stand."""
         sensed = frame.sensed
         since = self._spot.update(sensed.pose, sensed.time).copy()

@@ -19,7 +19,7 @@ import click
 from mrta_falsify.cli import stopping
 from mrta_falsify.core.durable import CLOSED, DISK, place_error, place_error_in
 from mrta_falsify.core.errors import InputError, InputNote, NeedsOption, PlaceError
-from mrta_falsify.core.interruption import Interrupted, heard
+from mrta_falsify.core.interruption import Interrupted, propagate_interrupts
 
 STDOUT, STDERR = 1, 2  # file descriptors
 
@@ -85,7 +85,7 @@ class Door(click.Group):
         extra: dict[str, Any],
     ) -> int:
         try:
-            with heard(), warnings.catch_warnings():
+            with propagate_interrupts(), warnings.catch_warnings():
                 warnings.showwarning = _show_warning
                 warnings.simplefilter("default", InputNote)
                 result = super().main(args, prog_name, complete_var, standalone_mode=False, **extra)

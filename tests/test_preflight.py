@@ -1,4 +1,4 @@
-"""Rehearsals: what a world asks of a stack, without running it."""
+"""Preflights: what a world asks of a stack, without running it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from mrta_falsify.bare_floor import BareFloor
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
-from mrta_falsify.rehearsal import _Fleet, _ring, _soonest, _Stop, _Visit, _ways, rehearse
+from mrta_falsify.preflight import _Fleet, _ring, _soonest, _Stop, _Visit, _ways, preflight
+from mrta_falsify.static_floor import StaticFloor
 from mrta_falsify.testing.floors import robot, two_rooms
 from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.zoo import load_scene, scene_names
@@ -34,7 +34,7 @@ def trip(start, arrival=0.0, **fields):
 
 
 def demands(world):
-    return dict(zip(DEMANDS, rehearse(world), strict=True))
+    return dict(zip(DEMANDS, preflight(world), strict=True))
 
 
 def test_every_demand_is_measured_and_finite_also_where_nothing_is_to_be_done():
@@ -44,14 +44,14 @@ def test_every_demand_is_measured_and_finite_also_where_nothing_is_to_be_done():
         ward([trip(0)], robots=0),
         ward([trip(0, deadline=float("inf"))]),
     ):
-        assert np.isfinite(rehearse(world)).all()
+        assert np.isfinite(preflight(world)).all()
 
 
 def test_a_rehearsal_is_a_function_of_the_world():
     world = ward([trip(0), trip(1)])
-    first = rehearse(world)
-    rehearse(ward([trip(0)]))  # which shares its floor
-    np.testing.assert_array_equal(first, rehearse(world))
+    first = preflight(world)
+    preflight(ward([trip(0)]))  # which shares its floor
+    np.testing.assert_array_equal(first, preflight(world))
 
 
 def test_a_robot_that_waits_at_the_start_drives_the_way_to_the_other_room():
@@ -72,7 +72,7 @@ def test_the_only_robot_that_may_serve_a_task_does():
 
 def test_the_robot_that_begins_first_is_found_without_planning_the_way_of_each():
     world = find_world("aws_hospital_day")
-    fleet = _Fleet(world, _ways(BareFloor.of(world)))
+    fleet = _Fleet(world, _ways(StaticFloor.of(world)))
     robots = range(len(world.robots))
     stops = [[] for _ in robots]
     free = [3.0 * (i % 4) for i in robots]
@@ -158,6 +158,6 @@ def test_furniture_people_and_outages_count_where_robots_drive():
 
 @pytest.mark.parametrize("name", scene_names())
 def test_every_scene_of_the_zoo_can_be_rehearsed(name):
-    found = rehearse(load_scene(name).world)
+    found = preflight(load_scene(name).world)
     assert np.isfinite(found).all()
     assert found[DEMANDS.index("driven")] >= 0.0

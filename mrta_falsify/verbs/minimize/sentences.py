@@ -5,7 +5,7 @@ from __future__ import annotations
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.probability import interval_text
-from mrta_falsify.core.record import Jittered
+from mrta_falsify.core.record import PerturbedRuns
 
 
 def minimal_text(found: Minimisation) -> str:
@@ -36,7 +36,7 @@ def _tried(found: Minimisation) -> tuple[str, ...]:
     return (first, f"without {some} the run itself fails, but most perturbed runs pass")
 
 
-def _rate(jittered: Jittered | None) -> str:
+def _rate(jittered: PerturbedRuns | None) -> str:
     if jittered is None or not jittered.runs:
         return ""
     chance = failure_probability(jittered.failed, jittered.runs)

@@ -1,4 +1,4 @@
-"""Rehearsals of the scenes of a campaign's program."""
+"""Preflights of the scenes of a campaign's program."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.feedback import Rehearsed
-from mrta_falsify.rehearsal import rehearse
+from mrta_falsify.core.feedback import SceneLoads
+from mrta_falsify.preflight import preflight
 from mrta_falsify.worker import open_program
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 ATTEMPTS = 20  # scenes tried; a campaign tries harder, but others can be looked at instead
 
 
-def look_at(program: Program, u: Array, *, seed: int, mode: Mode = "repair") -> Rehearsed | None:
+def look_at(program: Program, u: Array, *, seed: int, mode: Mode = "repair") -> SceneLoads | None:
     """Look at the scene at a point of a program's cube without running it.
 
     Args:
@@ -38,10 +38,10 @@ def look_at(program: Program, u: Array, *, seed: int, mode: Mode = "repair") -> 
         found = program.realise(asked, mode=mode, max_attempts=ATTEMPTS)
     except InputError:
         return None
-    return Rehearsed(found.candidate.u, rehearse(found.world))
+    return SceneLoads(found.candidate.u, preflight(found.world))
 
 
-class SceneRehearsal:
+class ScenePreflight:
     """Looks at scenes of a campaign; its program is compiled when the first one is asked for."""
 
     def __init__(self, settings: TrialSettings) -> None:
@@ -51,8 +51,8 @@ class SceneRehearsal:
     def _program(self) -> Program:
         return open_program(self._settings)
 
-    def __call__(self, u: Array) -> Rehearsed | None:
-        """See :class:`~mrta_falsify.core.protocols.Rehearsal`.
+    def __call__(self, u: Array) -> SceneLoads | None:
+        """See :class:`~mrta_falsify.core.protocols.Preflight`.
 
         Raises:
             InputError: the program does not compile, or has changed since the campaign began.

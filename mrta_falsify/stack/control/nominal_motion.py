@@ -1,4 +1,4 @@
-"""From manoeuvres to wishes, and robots that are stuck although nothing asked them to wait."""
+"""From manoeuvres to nominal, and robots that are stuck although nothing asked them to wait."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ TURN_ALONE = np.pi / 4  # rad, MRTA-Sim's
 TURN_IN_CLUSTER = np.pi / 2  # rad, MRTA-Sim's
 
 
-class Wishes(NamedTuple):
+class NominalInputs(NamedTuple):
     """What robots would do, and who decides with whom; few arrays, since each costs."""
 
     numbers: IntArray  #: (3, N) group, cluster and leader
     target: Array  #: (N, 2) [m], nan: brake
-    figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its wish
+    figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its nominal
     reverse: BoolArray  #: (N,) who drives backwards
 
 
 @njit(cache=True)
-def fill_wishes(
+def fill_nominal(
     crew: Crew,
     choices: Choices,
     told: CrewView,
     patience: float,
     leader_weight: float,
-    wishes: Wishes,
+    nominal: NominalInputs,
 ) -> None:
-    """Turn choices to wishes, groups and prices; robots outside go their own way.
+    """Turn choices to nominal, groups and prices; robots outside go their own way.
 
     Args:
         crew: robots, surveyed; anchors, suspended leads and times of commands are written.
@@ -43,13 +43,13 @@ def fill_wishes(
         told: what the view says.
         patience: a lead without progress is suspended for so long after so long [s].
         leader_weight: price of slowing a leader; others cost 1.
-        wishes: filled.
+        nominal: filled.
     """
     n = crew.shape[0]
     size = np.zeros(n, dtype=np.int64)
-    group, cluster, leader = wishes.numbers
-    speed, turn_first, weight = wishes.figures
-    target, reverse = wishes.target, wishes.reverse
+    group, cluster, leader = nominal.numbers
+    speed, turn_first, weight = nominal.figures
+    target, reverse = nominal.target, nominal.reverse
     for i in range(n):
         size[crew[i].cluster] += 1
     for i in range(n):

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.feedback import DEMANDS, Rehearsed
-from mrta_falsify.core.protocols import Rehearsal
+from mrta_falsify.core.feedback import DEMANDS, SceneLoads
+from mrta_falsify.core.protocols import Preflight
 from samplers.asking import STEPS, Mutator, evenly_in_logarithm
 
 KEPT = 4096  # scenes
@@ -18,23 +18,23 @@ PARENTS = 4  # best scenes that have children
 CHILDREN = 8  # that are looked at before parents are chosen anew
 
 
-class Rehearsals:
-    """Looks at scenes, each once; itself a :class:`~mrta_falsify.core.protocols.Rehearsal`."""
+class Preflights:
+    """Looks at scenes, each once; itself a :class:`~mrta_falsify.core.protocols.Preflight`."""
 
     @classmethod
-    def remembering(cls, rehearsal: Rehearsal) -> Rehearsals:
-        """Remember what ``rehearsal`` tells; what remembers already is shared."""
-        return rehearsal if isinstance(rehearsal, Rehearsals) else cls(rehearsal)
+    def remembering(cls, preflight: Preflight) -> Preflights:
+        """Remember what ``preflight`` tells; what remembers already is shared."""
+        return preflight if isinstance(preflight, Preflights) else cls(preflight)
 
-    def __init__(self, rehearsal: Rehearsal) -> None:
-        self._rehearsal = rehearsal
-        self._known: OrderedDict[bytes, Rehearsed | None] = OrderedDict()
+    def __init__(self, preflight: Preflight) -> None:
+        self._preflight = preflight
+        self._known: OrderedDict[bytes, SceneLoads | None] = OrderedDict()
 
-    def __call__(self, u: Array) -> Rehearsed | None:
+    def __call__(self, u: Array) -> SceneLoads | None:
         """Look at the scene at ``u`` ``(k,)``."""
         key = np.asarray(u, dtype=np.float64).tobytes()
         if key not in self._known:
-            found = self._rehearsal(u)
+            found = self._preflight(u)
             self._known[key] = found
             if found is not None:
                 self._known[np.asarray(found.u, dtype=np.float64).tobytes()] = found
@@ -43,20 +43,20 @@ class Rehearsals:
         self._known.move_to_end(key)
         return self._known[key]
 
-    def of(self, points: Iterable[Array]) -> list[Rehearsed]:
+    def of(self, points: Iterable[Array]) -> list[SceneLoads]:
         """Look at the scenes of points ``(k,)``; those without a scene are left out."""
         return [found for found in map(self, points) if found is not None]
 
     def climb(
         self,
-        scenes: Sequence[Rehearsed],
-        worth: Callable[[Sequence[Rehearsed]], Array],
+        scenes: Sequence[SceneLoads],
+        worth: Callable[[Sequence[SceneLoads]], Array],
         mutator: Mutator,
         *,
         random: np.random.Generator,
         looks: int,
-        others: Sequence[Rehearsed] = (),
-    ) -> Rehearsed:
+        others: Sequence[SceneLoads] = (),
+    ) -> SceneLoads:
         """Look at children of the best scenes, of their children, and so on.
 
         Args:

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.stack_failure import AskedAgain, OtherAnswer
-from simulator_interface.external.branching import CannotBranch, Exchanges
+from mrta_falsify.core.stack_failure import DeterminismCheck, OtherAnswer
+from simulator_interface.external.branching import CannotBranch, MessageLog
 from simulator_interface.external.messages import Message
 from simulator_interface.external.process import NO_ANSWER
 from simulator_interface.external.wire import Wire
@@ -28,14 +28,14 @@ class Exchange(NamedTuple):
     again: Message
 
 
-def told_again(
+def run_again(
     wire: Wire,
-    exchanges: Exchanges,
+    exchanges: MessageLog,
     names: Sequence[str],
     *,
     limits: tuple[float, float],
     most_ticks: float,
-) -> AskedAgain:
+) -> DeterminismCheck:
     """Say everything again to a fresh process, and compare what it answers.
 
     Args:
@@ -64,10 +64,10 @@ def told_again(
                 continue
             other = other_answer(Exchange(tick, wire.read(heard), wire.read(again)), names)
             if other is not None:
-                return AskedAgain(difference=other, ticks=ticks)
+                return DeterminismCheck(difference=other, ticks=ticks)
     except NO_ANSWER as error:
         raise no_further(error) from None
-    return AskedAgain(ticks=ticks)
+    return DeterminismCheck(ticks=ticks)
 
 
 def no_further(error: Exception) -> CannotBranch:

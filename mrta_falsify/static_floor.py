@@ -18,14 +18,14 @@ from mrta_falsify.core.world import World, without_actors
 
 
 @dataclass(frozen=True)
-class BareFloor:
+class StaticFloor:
     """Walls and rooms of a world as bytes, to be the key of what is kept."""
 
     world: World = dataclasses.field(compare=False)
     key: bytes
 
     @classmethod
-    def of(cls, world: World) -> BareFloor:
+    def of(cls, world: World) -> StaticFloor:
         """Take walls, bounds and room points of a world."""
         parts = [np.asarray(world.bounds), *(np.asarray(wall.polygon) for wall in world.walls)]
         parts += [np.asarray(room.point) for room in world.rooms]

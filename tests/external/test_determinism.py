@@ -12,7 +12,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.repeatable import Repeatable
 from reports.sentences import violation_sentence
-from simulator_interface.external.second_answers import Exchange, other_answer
+from simulator_interface.external.second_run import Exchange, other_answer
 from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import simulate
 

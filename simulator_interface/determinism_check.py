@@ -22,10 +22,10 @@ import numpy as np
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
 from mrta_falsify.core.protocols import FleetStack, Repeating
-from mrta_falsify.core.stack_failure import AskedAgain, OtherAnswer
+from mrta_falsify.core.stack_failure import DeterminismCheck, OtherAnswer
 from simulator_interface import forking
 from simulator_interface.heartbeat import post
-from simulator_interface.stack_door import Answer
+from simulator_interface.stack_calls import Answer
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 CLOCKS = ("time", "monotonic", "perf_counter")
@@ -58,7 +58,7 @@ def repeats_of(specifications: Iterable[object], config: StackConfig) -> Callabl
 
 def ask_again(
     stack: FleetStack, state: Any, fleet: FleetState, names: Sequence[str]
-) -> Callable[[Answer], AskedAgain]:
+) -> Callable[[Answer], DeterminismCheck]:
     """Ask the stack a tick in a copy of this process, twice; here it has not been asked yet.
 
     Args:
@@ -122,7 +122,7 @@ def answered(answer: Answer) -> Answered:
 # --- what differs --------------------------------------------------------------------------
 
 
-def compared(answer: Answer, again: list[Answered] | str, names: Sequence[str]) -> AskedAgain:
+def compared(answer: Answer, again: list[Answered] | str, names: Sequence[str]) -> DeterminismCheck:
     """Compare the answer to a tick with those of :func:`ask_again`.
 
     Args:
@@ -131,12 +131,14 @@ def compared(answer: Answer, again: list[Answered] | str, names: Sequence[str]) 
         names: of the robots.
     """
     if isinstance(again, str):
-        return AskedAgain(difference=OtherAnswer(field="answer", first="an answer", again=again))
+        return DeterminismCheck(
+            difference=OtherAnswer(field="answer", first="an answer", again=again)
+        )
     here = answered(answer)
     for other in again:
         for difference in _differences(here, other, names):
-            return AskedAgain(difference=difference)
-    return AskedAgain()
+            return DeterminismCheck(difference=difference)
+    return DeterminismCheck()
 
 
 def _differences(one: Answered, other: Answered, names: Sequence[str]) -> Iterator[OtherAnswer]:

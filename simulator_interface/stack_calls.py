@@ -1,6 +1,6 @@
 """The door to the stack under test: what fails behind it is the stack's failure, not ours.
 
-Everything that a layer of a user may fail in is called through :class:`StackDoor`. An exception
+Everything that a layer of a user may fail in is called through :class:`StackCalls`. An exception
 that is no :class:`~mrta_falsify.core.errors.InputError` becomes a
 :class:`~mrta_falsify.core.stack_failure.StackFailed`; so does an answer that no robot can
 carry out.
@@ -65,7 +65,7 @@ LAYER_OF_PART = {
 }
 
 
-class StackDoor:
+class StackCalls:
     """Asks the stack of one episode.
 
     Args:

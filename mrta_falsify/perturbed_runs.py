@@ -16,13 +16,13 @@ import numpy as np
 
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.core.probability import chance_of_failure
-from mrta_falsify.core.record import Jittered, OtherRun
+from mrta_falsify.core.record import OtherRun, PerturbedRuns
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.specs.objectives import SMALLEST, differing, search_score
 from mrta_falsify.trial import Judged
-from scenic_worlds.variation import jittered_worlds
+from scenic_worlds.variation import perturbed_worlds
 
 Run = Callable[[World], Judged]
 FateOnOther: TypeAlias = Literal["passes", "fails", "not judged"]
@@ -31,7 +31,7 @@ FateOnOther: TypeAlias = Literal["passes", "fails", "not judged"]
 class Comparison(NamedTuple):
     """A failure judged by copies, and by the other stack where there is one."""
 
-    jittered: Jittered | None  #: None: no copies were run
+    jittered: PerturbedRuns | None  #: None: no copies were run
     other: OtherRun | None
     their_run: Judged | None = None  #: of the other stack, of the world itself
 
@@ -46,7 +46,7 @@ class Margin(NamedTuple):
 NO_COPIES = Comparison(None, None)  #: of a run that is not judged by copies
 
 
-def judged_by_copies(
+def judged_by_vote(
     world: World, judged: Judged, count: int, run: Run, run_other: Run | None = None
 ) -> Comparison:
     """Judge a failure by copies, and on the other stack.
@@ -62,18 +62,18 @@ def judged_by_copies(
         run_other: runs it under the other stack, if two are compared.
     """
     if run_other is None:
-        copies = jittered_worlds(world, count)
+        copies = perturbed_worlds(world, count)
         return Comparison(_of_one_stack(judged, copies, run), None)
     theirs = run_other(world)
     other = _other_run(judged, theirs)
     if not other.passes:
         return Comparison(None, other, theirs)
-    copies = jittered_worlds(world, count)
-    runs = run_copies(copies, run, lambda one: one.is_sought)
+    copies = perturbed_worlds(world, count)
+    runs = run_perturbed(copies, run, lambda one: one.is_primary)
     said: tuple[Judged, ...] = ()
-    if 2 * sum(one.is_sought for one in runs) > len(runs):
-        said = run_copies(copies, run_other, lambda one: _passes(judged, one))
-        other = _with_copies(other, judged, said)
+    if 2 * sum(one.is_primary for one in runs) > len(runs):
+        said = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
+        other = _with_vote(other, judged, said)
     # where the other stack has not run a copy, its run of the world itself stands for it
     theirs_of = itertools.chain((theirs, *said), itertools.repeat(theirs))
     told = [
@@ -83,15 +83,15 @@ def judged_by_copies(
         }
         for mine, its in zip((judged, *runs), theirs_of, strict=False)
     ]
-    return Comparison(counted([one.is_sought for one in runs], told), other, theirs)
+    return Comparison(counted([one.is_primary for one in runs], told), other, theirs)
 
 
-def _of_one_stack(judged: Judged, copies: Sequence[World], run: Run) -> Jittered | None:
-    runs = run_copies(copies, run, lambda one: one.is_sought)
-    return counted([one.is_sought for one in runs], [one.margins for one in (judged, *runs)])
+def _of_one_stack(judged: Judged, copies: Sequence[World], run: Run) -> PerturbedRuns | None:
+    runs = run_perturbed(copies, run, lambda one: one.is_primary)
+    return counted([one.is_primary for one in runs], [one.margins for one in (judged, *runs)])
 
 
-def counted(fails: Sequence[bool], told: Sequence[dict[str, float]]) -> Jittered | None:
+def counted(fails: Sequence[bool], told: Sequence[dict[str, float]]) -> PerturbedRuns | None:
     """Count copies, each of which ``fails`` or not; None without copies.
 
     Args:
@@ -101,7 +101,7 @@ def counted(fails: Sequence[bool], told: Sequence[dict[str, float]]) -> Jittered
     if not fails:
         return None
     expected = {name: expected_margin([of[name] for of in told if name in of]) for name in told[0]}
-    return Jittered(
+    return PerturbedRuns(
         runs=len(fails),
         failed=sum(fails),
         objectives={name: margin.mean for name, margin in expected.items()},
@@ -148,12 +148,12 @@ def _other_run(judged: Judged, theirs: Judged) -> OtherRun:
     )
 
 
-def _with_copies(other: OtherRun, judged: Judged, runs: Sequence[Judged]) -> OtherRun:
+def _with_vote(other: OtherRun, judged: Judged, runs: Sequence[Judged]) -> OtherRun:
     """Add what the other stack did in copies; one that cannot be judged is no pass."""
     passed = sum(_passes(judged, one) for one in runs)
     return dataclasses.replace(
         other,
-        jittered=Jittered(runs=len(runs), failed=len(runs) - passed),
+        jittered=PerturbedRuns(runs=len(runs), failed=len(runs) - passed),
         runs=1 + len(runs),
         wall_s=other.wall_s + sum(one.outcome.wall_s for one in runs),
     )
@@ -167,7 +167,7 @@ def fate_on_other(judged: Judged, theirs: Judged) -> FateOnOther:
         theirs: the run of the other stack in the same world.
     """
     return fate_by(
-        leading(judged.verdicts), theirs.verdicts, fails=theirs.is_sought, is_shut=theirs.is_shut
+        leading(judged.verdicts), theirs.verdicts, fails=theirs.is_primary, is_shut=theirs.is_shut
     )
 
 
@@ -202,7 +202,7 @@ def _their_score(judged: Judged, theirs: Judged) -> float:
     return search_score(theirs.margins, theirs.secondary)
 
 
-def run_copies(
+def run_perturbed(
     copies: Sequence[World], run: Run, counts: Callable[[Judged], bool]
 ) -> tuple[Judged, ...]:
     """Run copies until the rest cannot change whether most of them count."""

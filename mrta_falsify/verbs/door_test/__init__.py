@@ -1,1 +1,0 @@
-"""``door-test``: does a stack in a process of its own keep to the protocol, and how fast is it?"""
