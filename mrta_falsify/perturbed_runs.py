@@ -70,12 +70,12 @@ def judged_by_vote(
         return Comparison(None, other, theirs)
     copies = perturbed_worlds(world, count)
     runs = run_perturbed(copies, run, lambda one: one.is_primary)
-    said: tuple[Judged, ...] = ()
+    comparison: tuple[Judged, ...] = ()
     if 2 * sum(one.is_primary for one in runs) > len(runs):
-        said = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
-        other = _with_vote(other, judged, said)
+        comparison = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
+        other = _with_vote(other, judged, comparison)
     # where the other stack has not run a copy, its run of the world itself stands for it
-    theirs_of = itertools.chain((theirs, *said), itertools.repeat(theirs))
+    theirs_of = itertools.chain((theirs, *comparison), itertools.repeat(theirs))
     told = [
         {
             name: differing(margin, _their_score(judged, its))
@@ -226,18 +226,18 @@ def is_decided(failed: int, runs: int, most: int) -> bool:
     return 2 * failed > most or 2 * (failed + left) <= most
 
 
-def trial_score(judged: Judged, said: Comparison) -> float:
+def trial_score(judged: Judged, comparison: Comparison) -> float:
     """Compute what a search minimises of a trial, below 0 only for what it looks for.
 
     Of a failure with copies it is the chance that a copy fails, negated. Where two stacks are
     compared, it is the smaller one of that chance and of the chance that the other one passes.
     """
     score = search_score(judged.margins, judged.secondary)
-    if said.jittered is None:
-        if said.other is None:
+    if comparison.jittered is None:
+        if comparison.other is None:
             return score
-        return differing(score, said.other.score)
-    chance = said.jittered.chance.mean
-    if said.other is not None and said.other.jittered is not None:
-        chance = min(chance, 1.0 - said.other.jittered.chance.mean)
+        return differing(score, comparison.other.score)
+    chance = comparison.jittered.chance.mean
+    if comparison.other is not None and comparison.other.jittered is not None:
+        chance = min(chance, 1.0 - comparison.other.jittered.chance.mean)
     return -chance

@@ -114,17 +114,20 @@ class TrialRunner:
     def _run(self, number: int, u: np.ndarray) -> TrialRecord:
         settings = self._settings
         began = time.perf_counter()
-        asked = Candidate(
+        proposed = Candidate(
             number=number,
             u=u,
             seed=candidate_seed(settings.seed, number),
             params=settings.params,
         )
         record = TrialRecord(
-            candidate=asked, status="rejected", proposal_digest=point_digest(u), versions=versions()
+            candidate=proposed,
+            status="rejected",
+            proposal_digest=point_digest(u),
+            versions=versions(),
         )
         try:
-            realised = self._program.realise(asked, mode=settings.mode)
+            realised = self._program.realise(proposed, mode=settings.mode)
         except InputError as error:
             if place := place_error_in(error):
                 raise place from error  # it tells of the disk, not of the scene
@@ -156,16 +159,20 @@ class TrialRunner:
                 )
             screening = engine_run(on_kinematic_engine(config).engine.name, quick, failed=True)
         judged = self._judge(world, config, scene)
-        said = self._vote(world, config, scene, judged)
+        comparison = self._vote(world, config, scene, judged)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
-        other = self._keep_other(world, record, said)
+        other = self._keep_other(world, record, comparison)
         record = dataclasses.replace(
-            record, screening=screening, jittered=said.jittered, other=other, repeated=repeated
+            record,
+            screening=screening,
+            jittered=comparison.jittered,
+            other=other,
+            repeated=repeated,
         )
-        if judged.is_primary and (said.jittered is None or said.jittered.robust):
+        if judged.is_primary and (comparison.jittered is None or comparison.jittered.robust):
             confirmed = self._confirm(world, config, scene, judged)
             record = dataclasses.replace(record, confirmed=confirmed)
-        return self._finish(world, record, judged, config.engine.name, began, said)
+        return self._finish(world, record, judged, config.engine.name, began, comparison)
 
     def _confirm(
         self, world: World, config: StackConfig, scene: Any, judged: Judged
@@ -179,8 +186,8 @@ class TrialRunner:
                 run = self._judge(world, there, scene, keep_trace=False)
                 copies = settings.jittered or CONFIRMING_COPIES
                 again = functools.partial(self._judge_perturbed, config=there, scene=scene)
-                said = judged_by_vote(world, run, copies, again)
-            runs.append(engine_run(name, run, failed=run.is_primary, jittered=said.jittered))
+                comparison = judged_by_vote(world, run, copies, again)
+            runs.append(engine_run(name, run, failed=run.is_primary, jittered=comparison.jittered))
         return tuple(runs)
 
     def _vote(self, world: World, config: StackConfig, scene: Any, judged: Judged) -> Comparison:
@@ -200,11 +207,14 @@ class TrialRunner:
         with time_limit.with_its_own():
             return self._judge(world, config, scene)
 
-    def _keep_other(self, world: World, record: TrialRecord, said: Comparison) -> OtherRun | None:
-        if said.other is None or said.their_run is None:
+    def _keep_other(
+        self, world: World, record: TrialRecord, comparison: Comparison
+    ) -> OtherRun | None:
+        if comparison.other is None or comparison.their_run is None:
             return None
         return dataclasses.replace(
-            said.other, trace_file=self._write(world, said.their_run.outcome, record.number, OTHER)
+            comparison.other,
+            trace_file=self._write(world, comparison.their_run.outcome, record.number, OTHER),
         )
 
     def _repeat(
@@ -241,7 +251,7 @@ class TrialRunner:
         judged: Judged,
         engine: str,
         began: float,
-        said: Comparison = NO_COPIES,
+        comparison: Comparison = NO_COPIES,
     ) -> TrialRecord:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0
@@ -256,7 +266,7 @@ class TrialRunner:
             blamed=blamed(judged),
             is_afterthought=judged.failed and not judged.is_primary and not judged.is_shut,
             is_shut=judged.is_shut,
-            score=trial_score(judged, said),
+            score=trial_score(judged, comparison),
             signature=signature(judged.verdicts),
             signature_before=signature_before(judged.verdicts),
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)

@@ -159,8 +159,8 @@ def _standing_sentence(verdict: Verdict, when: str) -> str:
 
 def shut_text(account: WaitAccount, claim: Claim) -> str:
     """Say which place the world shut, by what and since when."""
-    told = {item.name: object_text(item) for item in account.objects}
-    by = listed([told.get(name, name) for name in claim.get("shut_by", ())])
+    texts = {item.name: object_text(item) for item in account.objects}
+    by = listed([texts.get(name, name) for name in claim.get("shut_by", ())])
     since = claim.get("shut_since")
     when = f" since {float(since):.0f} s" if isinstance(since, (int, float)) else ""
     room = claim.get("shut_room") or "the way"
@@ -283,9 +283,9 @@ def wait_sentence(
         objects: things and people that took part, to say who pushes what.
         waits: all of the account, to name together what cuts off the robot together.
     """
-    told = {item.name: object_text(item) for item in objects}
+    texts = {item.name: object_text(item) for item in objects}
     solids = [object_text(item) for item in objects if item.kind in ("furniture", "blockage")]
-    resource = told.get(wait.resource, wait.resource)
+    resource = texts.get(wait.resource, wait.resource)
     if wait.blocked_by and not wait.seen:
         return f"{wait.robot} goes on once {wait.blocked_by} is gone."
     if wait.cause == "queue" and not wait.blocked_by:
@@ -296,12 +296,12 @@ def wait_sentence(
         other=wait.blocked_by or "another robot",
         resource=resource or "a resource",
         solid=f": {resource or listed(solids)}" if resource or solids else "",
-        because=_what_cuts_off(wait, waits, told) if wait.cause == "no-path" else "",
+        because=_what_cuts_off(wait, waits, texts) if wait.cause == "no-path" else "",
     )
     return f"{wait.robot} {text}."
 
 
-def _what_cuts_off(wait: WaitsFor, waits: Sequence[WaitsFor], told: Mapping[str, str]) -> str:
+def _what_cuts_off(wait: WaitsFor, waits: Sequence[WaitsFor], texts: Mapping[str, str]) -> str:
     """Say what cuts a robot off its goal, empty if that is not known."""
     if wait.blocked_by:
         return f"; {wait.blocked_by} cuts it off"
@@ -309,7 +309,7 @@ def _what_cuts_off(wait: WaitsFor, waits: Sequence[WaitsFor], told: Mapping[str,
         return "; walls cut it off for good"
     alike = (wait.robot, "no-path", "")
     solids = [w.resource for w in waits if (w.robot, w.cause, w.blocked_by) == alike]
-    named = [told.get(name, name) for name in solids or [wait.resource] if name]
+    named = [texts.get(name, name) for name in solids or [wait.resource] if name]
     return f"; {listed(named)} {'cuts' if len(named) == 1 else 'cut'} it off" if named else ""
 
 

@@ -115,13 +115,13 @@ class Outlook:
 
     Args:
         seen: the n results.
-        asked: the m points asked about.
+        proposed: the m points asked about.
         kinds: of object, one of which alone may explain a margin.
     """
 
-    def __init__(self, seen: Points, asked: Points, kinds: Sequence[Kind]) -> None:
-        self._seen, self._asked, self._kinds = seen, asked, kinds
-        self._inside, self._across = Parts.between(seen, seen), Parts.between(seen, asked)
+    def __init__(self, seen: Points, proposed: Points, kinds: Sequence[Kind]) -> None:
+        self._seen, self._proposed, self._kinds = seen, proposed, kinds
+        self._inside, self._across = Parts.between(seen, seen), Parts.between(seen, proposed)
         self._known: dict[int, tuple[Parts, Parts, Parts]] = {}
 
     @property
@@ -157,33 +157,33 @@ class Outlook:
         return self._known[kind]
 
     def _parts_of(self, kind: int) -> tuple[Parts, Parts, Parts]:
-        seen, asked = self._seen, self._asked
+        seen, proposed = self._seen, self._proposed
         if kind < 0:
-            return self._inside, self._across, Parts.of_points(asked)
+            return self._inside, self._across, Parts.of_points(proposed)
         of = self._kinds[kind]
-        own = Parts.of_points(asked.of_kind(of))
-        return self._inside.only(of, seen, seen), self._across.only(of, seen, asked), own
+        own = Parts.of_points(proposed.of_kind(of))
+        return self._inside.only(of, seen, seen), self._across.only(of, seen, proposed), own
 
 
 def margins_of(results: Sequence[Feedback]) -> list[Margin]:
     """Collect the margins of the specifications that tell results apart, in order of names."""
     names = sorted({name for feedback in results for name in feedback.objectives})
-    return _told_apart(
+    return _distinguishable(
         {name: [feedback.objectives.get(name, 1.0) for feedback in results] for name in names}
     )
 
 
 def loads_of(results: Sequence[Feedback]) -> list[Margin]:
     """Collect the loads that tell results apart, in order of ``LOADS``."""
-    return _told_apart(
+    return _distinguishable(
         {name: [feedback.descriptors.get(name, 0.0) for feedback in results] for name in LOADS}
     )
 
 
-def _told_apart(told: Mapping[str, Sequence[float]]) -> list[Margin]:
+def _distinguishable(reported: Mapping[str, Sequence[float]]) -> list[Margin]:
     """Shift and scale what varies."""
     found = []
-    for name, of in told.items():
+    for name, of in reported.items():
         values = np.array(of)
         if np.ptp(values) > SPARE:
             centre, scale = float(values.mean()), float(values.std())

@@ -80,7 +80,7 @@ class SplittingRun:
     name: str  #: of its random numbers
     stage: LevelStage
     passed: int = 0  #: levels
-    asked: int = 0  #: trials
+    proposed: int = 0  #: trials
     probability: float = 1.0  #: product of the shares so far
     is_done: bool = False
 
@@ -137,12 +137,12 @@ class SplittingSampler:
         random = self._counter.stream()
         number, tie = self._counter.next, float(random.random())
         u = random.random(self._options.cube.dimensions)
-        for run in sorted(self._runs, key=lambda run: run.asked):
+        for run in sorted(self._runs, key=lambda run: run.proposed):
             chain = None if run.is_done else run.stage.idle()
             if chain is None:
                 continue
             chain.is_busy = True
-            run.asked += 1
+            run.proposed += 1
             if chain.state is not None:
                 u = self._moved(chain.state.u, random)
             self._flying[number] = (run, chain, ChainState(u, (0.0, tie)))
@@ -160,19 +160,21 @@ class SplittingSampler:
         known = self._flying.pop(feedback.number, None)
         if known is None:
             return
-        run, chain, asked = known
-        run.stage.take(chain, self._state(feedback, asked, is_draw=chain.state is None))
+        run, chain, proposed = known
+        run.stage.take(chain, self._state(feedback, proposed, is_draw=chain.state is None))
         if run.stage.is_done:
             self._descend(run)
 
-    def _state(self, feedback: Feedback, asked: ChainState, *, is_draw: bool) -> ChainState | None:
+    def _state(
+        self, feedback: Feedback, proposed: ChainState, *, is_draw: bool
+    ) -> ChainState | None:
         """Turn the trial into a state; None if it is outside the distribution of the campaign."""
         if feedback.fate != "judged":
             return None
-        if not is_draw and not np.array_equal(feedback.u, asked.u):
+        if not is_draw and not np.array_equal(feedback.u, proposed.u):
             return None  # the scene asked for was not accepted, another one was run
         score = VIOLATED if feedback.failed else feedback.score
-        return ChainState(np.array(feedback.u), (score, asked.rank[1]))
+        return ChainState(np.array(feedback.u), (score, proposed.rank[1]))
 
     # --- levels ------------------------------------------------------------------------------
 
@@ -246,7 +248,7 @@ class SplittingSampler:
         if self._levels is None:
             return f"the pilot run is still looking for levels (it has {len(self._pilot_levels)})"
         trials = (len(self._levels) + 1) * options.chains * options.steps * options.repeats
-        done = sum(run.asked for run in self._runs)
+        done = sum(run.proposed for run in self._runs)
         return f"about {max(trials - done, 1)} more trials are needed to finish the first batch"
 
 

@@ -233,8 +233,8 @@ class SurrogateSampler:
     ) -> Outlook:
         """See ``candidates`` ``(n, k)`` beside the results."""
         seen = self._points(np.array([feedback.u for feedback in results]), results)
-        asked = self._points(candidates, results, looked_at=looked_at)
-        return Outlook(seen, asked, self._features.kinds)
+        proposed = self._points(candidates, results, looked_at=looked_at)
+        return Outlook(seen, proposed, self._features.kinds)
 
     def _heaviness(self, candidates: Array, *, load: Margin, looked_at: bool = True) -> Array:
         """Estimate how heavy ``load`` may get, in standard deviations, ``(n,)``."""

@@ -130,7 +130,7 @@ class _Worker:
     ready: bool = False
     job: Job | None = None
     served: int = 0  #: jobs done
-    said: int = -1  #: file descriptor of what it says on stderr until it is ready
+    output_fd: int = -1  #: file descriptor of what it says on stderr until it is ready
     deaths: tuple[str, ...] = ()  #: how those ended that it replaces, before they were ready
 
     def begin_limit(self) -> None:
@@ -154,12 +154,12 @@ class _Worker:
             with contextlib.suppress(BrokenPipeError):
                 self.process.stdin.close()
         os.close(self.results)
-        os.close(self.said)
+        os.close(self.output_fd)
 
     def words(self) -> bytes:
         """Give the end of what it has said before it was ready."""
-        size = os.fstat(self.said).st_size
-        return os.pread(self.said, LAST_WORDS, max(0, size - LAST_WORDS))
+        size = os.fstat(self.output_fd).st_size
+        return os.pread(self.output_fd, LAST_WORDS, max(0, size - LAST_WORDS))
 
 
 class ProcessExecutor:
@@ -224,7 +224,7 @@ class ProcessExecutor:
         if self._settings is None:
             raise HarnessError("the executor is not open")
         read_end, write_end = os.pipe()
-        said, ours = os.memfd_create("said"), os.dup(STDERR)
+        output_fd, ours = os.memfd_create("said"), os.dup(STDERR)
         process = subprocess.Popen(
             python_command(
                 "mrta_falsify.campaigns.worker_process",
@@ -234,7 +234,7 @@ class ProcessExecutor:
             ),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=output_fd,
             pass_fds=(write_end, ours),
             env={**os.environ, **ONE_THREAD},
             start_new_session=True,  # Ctrl-C is the parent's business
@@ -243,7 +243,9 @@ class ProcessExecutor:
         os.close(ours)
         clock = ProcessClock(process.pid)
         clock.look()
-        worker = _Worker(process=process, clock=clock, results=read_end, said=said, deaths=deaths)
+        worker = _Worker(
+            process=process, clock=clock, results=read_end, output_fd=output_fd, deaths=deaths
+        )
         worker.send(codec.encode(self._settings))
         self._workers.append(worker)
         self._selector.register(read_end, selectors.EVENT_READ, worker)
@@ -350,10 +352,10 @@ def _never_ready(deaths: tuple[str, ...], words: str) -> HarnessError:
         deaths: how, the last one last.
         words: what the last one said.
     """
-    said = [line.strip() for line in words.splitlines() if line.strip()]
+    lines = [line.strip() for line in words.splitlines() if line.strip()]
     error = HarnessError(
         f"a worker ended by {deaths[-1]} before it was ready, for the "
-        f"{len(deaths)}. time in a row; its last words: {said[-1] if said else 'none'}"
+        f"{len(deaths)}. time in a row; its last words: {lines[-1] if lines else 'none'}"
     )
     error.add_note(words)
     return error

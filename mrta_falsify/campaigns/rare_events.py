@@ -41,14 +41,14 @@ def estimated_probability(campaign: Campaign) -> Probability:
     Args:
         campaign: its trials; the sampler is asked and told again.
     """
-    told = campaign.records[: _told(campaign)]
-    undecided = sum(record.status in ("crashed", "timeout") for record in told)
+    reported = campaign.records[: _reported_of(campaign)]
+    undecided = sum(record.status in ("crashed", "timeout") for record in reported)
     found = rare_probability(estimates_of(campaign))
     errors = f"{undecided} trials ended in an error and count as not drawn" if undecided else ""
     return replace(
         found,
-        failures=sum(record.is_primary for record in told),
-        trials=sum(record.status == "ok" for record in told),
+        failures=sum(record.is_primary for record in reported),
+        trials=sum(record.status == "ok" for record in reported),
         undecided=undecided,
         note="; ".join(part for part in (found.note, errors) if part),
     )
@@ -84,16 +84,16 @@ def estimates_of(campaign: Campaign) -> Estimates:
     sampler = build_sampler(settings)
     if not isinstance(sampler, EstimatingSampler):
         raise HarnessError(f"sampler {settings.sampler.name} estimates no probability")
-    asked = 0
-    for told in range(_told(campaign)):
-        while asked < told + settings.window:
+    proposed = 0
+    for reported in range(_reported_of(campaign)):
+        while proposed < reported + settings.window:
             sampler.ask()
-            asked += 1
-        sampler.tell(feedback_of(campaign.records[told], settings.cube, settings.trials.then))
+            proposed += 1
+        sampler.tell(feedback_of(campaign.records[reported], settings.cube, settings.trials.then))
     return sampler.estimates()
 
 
-def _told(campaign: Campaign) -> int:
+def _reported_of(campaign: Campaign) -> int:
     """Count the records before the first gap: the others were not told to the sampler."""
     numbers = [record.number for record in campaign.records]
     return next((i for i, number in enumerate(numbers) if i != number), len(numbers))

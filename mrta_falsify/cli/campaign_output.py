@@ -216,8 +216,8 @@ def print_campaign(result: CampaignResult) -> None:
 def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     """Say why failures did not stop a campaign that is to stop at some; empty: they did."""
     progress = result.progress
-    asked = progress.limits.stop_after
-    if not asked or not data.failed or progress.robust >= asked or data.ended == "interrupted":
+    limit = progress.limits.stop_after
+    if not limit or not data.failed or progress.robust >= limit or data.ended == "interrupted":
         return ""
     sought = data.failed - data.afterthoughts - data.kinds["shut"]
     few = "that few copies share"
@@ -232,7 +232,7 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     counts = [f"{count} {what}" for count, what in passed_over if count]
     if not counts:
         return ""
-    return f"--stop-after {asked} counts other failures than these: {listed(counts)}"
+    return f"--stop-after {limit} counts other failures than these: {listed(counts)}"
 
 
 def _secondary_note(data: CampaignSummary) -> str:

@@ -119,8 +119,8 @@ class CommandWithCodes(click.Command):
         """Write the epilog, then what exit codes 1 and 3 mean here."""
         super().format_epilog(ctx, formatter)
         listed = COMMANDS[str(self.name)]
-        told = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: listed.failed}
-        lines = [f"Exit code {code}: {text}." for code, text in told.items() if text]
+        described_as = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: listed.failed}
+        lines = [f"Exit code {code}: {text}." for code, text in described_as.items() if text]
         if lines:
             formatter.write_paragraph()
             formatter.write_text(" ".join(lines))
@@ -170,18 +170,18 @@ class LazyDoor(Door):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what the exit codes mean."""
         formatter.write_paragraph()
-        told = ", ".join(f"{code} {text}" for code, text in MEANINGS.items())
-        formatter.write_text(f"Exit codes: {told}.")
+        described_as = ", ".join(f"{code} {text}" for code, text in MEANINGS.items())
+        formatter.write_text(f"Exit codes: {described_as}.")
 
 
 def described() -> dict[str, Any]:
     """Describe all commands and options as click does, each command with its exit codes."""
     context = click.Context(main, info_name=main.name)
-    told = main.to_info_dict(context)
-    for name, command in told["commands"].items():
+    described_as = main.to_info_dict(context)
+    for name, command in described_as["commands"].items():
         command["exit_codes"] = exit_codes(name)
     codes = {int(code): text for code, text in MEANINGS.items()}
-    return {"version": metadata.version("mrta-falsify"), "exit_codes": codes, **told}
+    return {"version": metadata.version("mrta-falsify"), "exit_codes": codes, **described_as}
 
 
 def _print_described(context: click.Context, _: click.Parameter, wanted: bool) -> None:

@@ -174,15 +174,15 @@ def stack_comparison(campaign: Campaign) -> StackComparison | None:
     """Count what became of failures on the other stack; None if no other one is compared."""
     if campaign.settings.trials.against is None:
         return None
-    asked = [(record, record.other) for record in campaign.records if record.other is not None]
-    found = sum(record.is_robust for record, _ in asked)
+    compared = [(record, record.other) for record in campaign.records if record.other is not None]
+    found = sum(record.is_robust for record, _ in compared)
     return StackComparison(
         found=found,
-        knife_edges=sum(other.passes for _, other in asked) - found,
-        on_both=sum(record.fails_on_both for record, _ in asked),
-        not_judged=sum(other.fate == "not judged" for _, other in asked),
-        runs=sum(other.runs for _, other in asked),
-        wall_s=round(sum(other.wall_s for _, other in asked), 3),
+        knife_edges=sum(other.passes for _, other in compared) - found,
+        on_both=sum(record.fails_on_both for record, _ in compared),
+        not_judged=sum(other.fate == "not judged" for _, other in compared),
+        runs=sum(other.runs for _, other in compared),
+        wall_s=round(sum(other.wall_s for _, other in compared), 3),
     )
 
 
@@ -229,10 +229,10 @@ def kinds_text(counts: Mapping[str, int]) -> str:
     Places that the world shut are counted only if there are any.
     """
     deadlocks = counts["deadlock"]
-    told = [f"{deadlocks} deadlock" + "s" * (deadlocks != 1), f"{counts['stuck']} stuck"]
-    told += [f"{counts[OTHER]} failed otherwise"]
-    told += [f"{counts['shut']} {KIND_TEXT['shut']}"] if counts["shut"] else []
-    return ", ".join(told)
+    sentences = [f"{deadlocks} deadlock" + "s" * (deadlocks != 1), f"{counts['stuck']} stuck"]
+    sentences += [f"{counts[OTHER]} failed otherwise"]
+    sentences += [f"{counts['shut']} {KIND_TEXT['shut']}"] if counts["shut"] else []
+    return ", ".join(sentences)
 
 
 def unseen_in(campaign: Campaign) -> Unseen | None:

@@ -108,16 +108,16 @@ def recheck(
     code = code_digest(trials.stack, specifications_of(trials))
     journal = RunJournal(RecheckRun, campaign.directory / JOURNAL_NAME, code=code)
     found = _Collected(copies=1 + jittered, rules=campaign.settings.rules, on_done=on_done)
-    asked = [_Asked(record, copy) for record in failures for copy in (STORED, *range(jittered))]
+    reruns = [_Rerun(record, copy) for record in failures for copy in (STORED, *range(jittered))]
     with resumable(f"corpus of {len(failures)} failures", journal):
         digest = codec.digest(settings)
-        places = [_picture_of(one, pictures) for one in asked]
+        places = [_picture_of(one, pictures) for one in reruns]
         keys = [
             codec.digest([digest, one.record, one.copy, *([place] if place else [])])
-            for one, place in zip(asked, places, strict=True)
+            for one, place in zip(reruns, places, strict=True)
         ]
-        missing: dict[_Asked, str] = {}
-        for one, key in zip(asked, keys, strict=True):
+        missing: dict[_Rerun, str] = {}
+        for one, key in zip(reruns, keys, strict=True):
             if key in journal.answers:
                 found.take(one, journal.answers[key])
             else:
@@ -140,14 +140,14 @@ def recheck(
     return tuple(found.rows[record.id] for record in failures)
 
 
-class _Asked(NamedTuple):
+class _Rerun(NamedTuple):
     """A run of a stored failure, or of a copy of it."""
 
     record: TrialRecord
     copy: int  #: seed of the copy; ``STORED`` for the world itself
 
 
-def _picture_of(one: _Asked, pictures: Path | None) -> str:
+def _picture_of(one: _Rerun, pictures: Path | None) -> str:
     """Name the file for a picture of a run; empty where none is asked for."""
     if pictures is None:
         return ""
@@ -194,7 +194,7 @@ class _Collected:
     rows: dict[str, Recheck] = field(default_factory=dict)  #: by trial
     _runs: dict[str, dict[int, RecheckRun]] = field(default_factory=dict)
 
-    def take(self, one: _Asked, run: RecheckRun) -> None:
+    def take(self, one: _Rerun, run: RecheckRun) -> None:
         record = one.record
         runs = self._runs.setdefault(record.id, {})
         runs[one.copy] = run

@@ -336,12 +336,12 @@ def _summary(
 
 
 def _map_warnings(facts: MapFacts | None) -> list[str]:
-    said: list[str] = []
+    remarks: list[str] = []
     if facts is None:
-        return said
+        return remarks
     if facts.doubtful:
         share = facts.doubtful / (facts.rows * facts.cols)
-        said.append(
+        remarks.append(
             f"{share:.1%} of the cells have the grey level 205, by which Nav2's saver marks "
             "unknown cells, and the map's free_thresh makes them free, as in Nav2; "
             "free_thresh: 0.196 makes them unknown"
@@ -349,30 +349,30 @@ def _map_warnings(facts: MapFacts | None) -> list[str]:
     if facts.specks:
         places = ", ".join(f"[{x:.2f}, {y:.2f}]" for x, y in facts.speck_places.tolist())
         more = ", ..." if facts.specks > len(facts.speck_places) else ""
-        said.append(
+        remarks.append(
             f"{facts.specks} solid specks (at {places}{more}) are obstacles; if they are "
             "noise, least_patch: 0.02 in the file of rooms leaves out what is smaller [m^2]"
         )
-    return said
+    return remarks
 
 
 def _passing_notes(world: World, radius: float, moved: Sequence[str]) -> list[str]:
     """Say which rooms lie on the ways of others, and what was done about it."""
     from scenic_worlds.layouts.passing import is_mere_spot  # noqa: PLC0415 - loads numba
 
-    said = []
+    remarks = []
     if moved:
-        said.append(
+        remarks.append(
             f"{', '.join(moved)}: others drive over the place, so its spot is beside the lane now"
         )
     spots = [room.name for room in world.rooms if is_mere_spot(room, radius)]
     if spots:
-        said.append(
+        remarks.append(
             f"{', '.join(spots)}: others drive past here and there is no room beside their way; a "
             "robot has only the spot where it stands, and others pass it or wait (give the room a "
             "point off the way if there is one)"
         )
-    return said
+    return remarks
 
 
 def _without_door(world: World) -> list[str]:
@@ -382,17 +382,17 @@ def _without_door(world: World) -> list[str]:
 def _place_warnings(world: World, radius: float) -> list[str]:
     from scenic_worlds.layouts.reach import closed_off_by_waiting  # noqa: PLC0415 - loads numba
 
-    said = []
+    remarks = []
     open_rooms = _without_door(world)
     if open_rooms:
-        said.append(
+        remarks.append(
             f"no door was found between {_listed(open_rooms)} and the rest of the floor (marked in "
             "the picture): look at the area there, and give the room its door, two points, if it "
             "has one"
         )
     closed = closed_off_by_waiting(world, radius)
     if closed:
-        said.append(
+        remarks.append(
             f"robots on all waiting spots and parking places close off {_listed(closed)} (give "
             "queue or parking)"
         )
@@ -402,13 +402,13 @@ def _place_warnings(world: World, radius: float) -> list[str]:
         if not len(use.spots)
     ]
     if waiting:
-        said.append(
+        remarks.append(
             f"no place to wait was found near {_listed(waiting)}: robots queue on the roadway "
             "there (give the room a queue if there is one)"
         )
     if not len(world.parking):
-        said.append("no place to park was found: idle robots stay where they are")
-    return said
+        remarks.append("no place to park was found: idle robots stay where they are")
+    return remarks
 
 
 def _listed(names: Sequence[str]) -> str:

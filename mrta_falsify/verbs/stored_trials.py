@@ -143,15 +143,15 @@ def compared_sentences(
     """
     if other is None:
         return ()
-    told = [str(other)]
+    parts = [str(other)]
     if jittered is not None:
-        told.append(f"of the copies this stack fails {_chance_text(jittered, most)}")
+        parts.append(f"of the copies this stack fails {_chance_text(jittered, most)}")
         if other.jittered is not None:
-            told[-1] += f", the other one {_chance_text(other.jittered, most)}"
+            parts[-1] += f", the other one {_chance_text(other.jittered, most)}"
     if other.passes:
         is_borne_out = jittered is not None and jittered.robust and other.passes_most
-        told.append(f"copies {'bear' if is_borne_out else 'do not bear'} it out")
-    return tuple(told)
+        parts.append(f"copies {'bear' if is_borne_out else 'do not bear'} it out")
+    return tuple(parts)
 
 
 def _chance_text(copies: PerturbedRuns, most: int) -> str:

@@ -45,19 +45,21 @@ class MessageLog:
         # Copies tell the original by this byte that a copy of the stack by fork hangs.
         self._shared = mmap.mmap(-1, 1)
 
-    def add(self, said: bytes, heard: bytes) -> None:
+    def add(self, sent: bytes, received: bytes) -> None:
         """Keep a message of the harness and the stack's answer, which may be a question."""
         if self._file is None:
             return
-        self._rows.append((said, heard))
-        self.size += len(said) + len(heard)
-        self._waiting += len(said) + len(heard)
+        self._rows.append((sent, received))
+        self.size += len(sent) + len(received)
+        self._waiting += len(sent) + len(received)
         if self._waiting > BLOCK and not self.is_copy:
             self._write()
 
     def _write(self) -> None:
         assert self._file is not None
-        parts = [_SIZES.pack(len(said), len(heard)) + said + heard for said, heard in self._rows]
+        parts = [
+            _SIZES.pack(len(sent), len(received)) + sent + received for sent, received in self._rows
+        ]
         block = b"".join(parts)
         with naming(tempfile.gettempdir()):
             while block:
@@ -71,10 +73,10 @@ class MessageLog:
             raise CannotBranch("what was said to the stack is not kept")
         number, at = self._file.fileno(), 0
         while at < self._size:
-            said, heard = _SIZES.unpack(_read(number, _SIZES.size, at))
-            row = _read(number, said + heard, at + _SIZES.size)
-            yield row[:said], row[said:]
-            at += _SIZES.size + said + heard
+            sent, received = _SIZES.unpack(_read(number, _SIZES.size, at))
+            row = _read(number, sent + received, at + _SIZES.size)
+            yield row[:sent], row[sent:]
+            at += _SIZES.size + sent + received
         yield from self._rows
 
     def become_copy(self) -> None:

@@ -27,22 +27,22 @@ class LastValue:
         self._paths: dict[int, Array] = {}
         self._events: list[dict[str, Any]] = []
         self.now = 0  #: simulated time of the tick that is being answered [ns]
-        self.said_at = [NEVER] * count  #: simulated time of each robot's last command [ns]
+        self.published_at = [NEVER] * count  #: simulated time of each robot's last command [ns]
         self.messages = 0  #: taken in to date
 
     def take_in(self, topic: Topic, message: Any) -> None:
         """Take in a message."""
         self.messages += 1
-        said = self._topics.read(topic, message)
-        if said.event is not None:
-            self._events.append(said.event)
-        if said.goal is not None:
-            self._goal[topic.robot] = said.goal
-        if said.path is not None:
-            self._paths[topic.robot] = said.path
-        if said.twist is not None:
-            self._twist[topic.robot] = said.twist
-            self.said_at[topic.robot] = self.now if said.stamp is None else said.stamp
+        value = self._topics.read(topic, message)
+        if value.event is not None:
+            self._events.append(value.event)
+        if value.goal is not None:
+            self._goal[topic.robot] = value.goal
+        if value.path is not None:
+            self._paths[topic.robot] = value.path
+        if value.twist is not None:
+            self._twist[topic.robot] = value.twist
+            self.published_at[topic.robot] = self.now if value.stamp is None else value.stamp
 
     def twist(self, stale_after: float) -> Array:
         """Give the commands ``(N, 3)`` that count.
@@ -51,7 +51,7 @@ class LastValue:
             stale_after: simulated time after which one does not [s].
         """
         oldest = self.now - round(stale_after * NANO)
-        counts = [NEVER < said >= oldest for said in self.said_at]
+        counts = [NEVER < value >= oldest for value in self.published_at]
         return np.where(np.array(counts, dtype=np.bool_)[:, None], self._twist, 0.0)
 
     def goals(self) -> Array:

@@ -674,7 +674,7 @@ def test_whom_most_copies_free_is_asked_about_again_halfway_to_what_they_foretel
     def fate(watch, without, nudge):
         if nudge:
             return shown(freed={0: 43.0, 1: 63.0})
-        asked_at.setdefault(watch.question.time, set()).update(watch.question.asked)
+        asked_at.setdefault(watch.question.time, set()).update(watch.question.queried)
         return shown({0: 3.0, 1: 3.0})
 
     assert not foretold(head_on(seconds=30.0), fate).verdict().violated

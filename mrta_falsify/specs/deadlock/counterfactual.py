@@ -148,7 +148,7 @@ class CounterfactualTest:
         #: (N,) until then a robot is known to be no part of a deadlock [s]
         self.free_until = np.full(robots, -np.inf)
         self._pause = np.full(robots, ASK_SOONEST)  # (N,) until the next question [s]
-        self._asked_at = np.full(robots, -np.inf)  # (N,) [s]
+        self._queried_at = np.full(robots, -np.inf)  # (N,) [s]
         #: (N,) last progress of robots that will make more, as a forecast says; -inf: unknown [s]
         self._before = np.full(robots, -np.inf)
 
@@ -172,16 +172,16 @@ class CounterfactualTest:
             self.free_until[:] = self._before[:] = -np.inf
 
     def deadlocks(
-        self, forecast: Forecast, asked: set[int], time: float, now: EdgesByRobot
+        self, forecast: Forecast, queried: set[int], time: float, now: EdgesByRobot
     ) -> list[FoundDeadlock]:
         """Find the deadlocks that stand at ``time`` [s].
 
-        Robots in ``asked`` that are part of none are not :meth:`open <is_open>` before they make
+        Robots in ``queried`` that are part of none are not :meth:`open <is_open>` before they make
         progress, or the deadlock that they will be part of is complete.
 
         Args:
             forecast: from this moment on.
-            asked: robots that may be part of a deadlock.
+            queried: robots that may be part of a deadlock.
             time: [s].
             now: edges of this moment. They count for robots that have crept out of reach of what
                 holds them up at the end, and whose edges explain nothing there.
@@ -189,32 +189,32 @@ class CounterfactualTest:
         span = self._span(time)
         removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
         # What a stack outside does in a copy is no promise; when it should go on is kept instead.
-        seen = self._first(forecast, asked, time, span, speculates=not removals.is_outside)
+        seen = self._first(forecast, queried, time, span, speculates=not removals.is_outside)
         if seen.as_expected:
-            for i in asked:
+            for i in queried:
                 self._before[i] = self._progress.last[i]
-            self._ask_later(asked, time)
+            self._ask_later(queried, time)
             return []
         last = {int(i): progress for i, progress in seen.stuck.items()}
-        here = {i for i in asked & set(last) if last[i] <= time}
+        here = {i for i in queried & set(last) if last[i] <= time}
         end = self._end_of(forecast, seen, here, time) if here else seen
         held = {i for i in here if end is None or not _stands(i, end, time)}
         if here and (end is None or held == here):
             freed = {int(i): at for i, at in seen.freed.items()}
-            self._note_free(asked - here, last, freed, time)
+            self._note_free(queried - here, last, freed, time)
             self._ask_later(here, time)
             return []
         assert end is not None
         if self._tells_members and (
-            self._is_incomplete(seen, asked, removals, time)
+            self._is_incomplete(seen, queried, removals, time)
             or (removals.is_outside and self._awaits_what_comes(here, end, time))
         ):
             return []
-        last, _, edges = self._voted(forecast, seen, asked, time, span)
+        last, _, edges = self._voted(forecast, seen, queried, time, span)
         for i in last:
             if all(is_unexplained(edge) for edge in edges.get(i, ())):
                 edges[i] = now.get(i) or edges.get(i, [])
-        if not any(last[i] <= time for i in asked & set(last)):
+        if not any(last[i] <= time for i in queried & set(last)):
             return []
         return [
             group.shown_by(end)
@@ -305,18 +305,18 @@ class CounterfactualTest:
         self._ask_later(goes_on, time)
         return bool(goes_on)
 
-    def prospect(self, forecast: Forecast, asked: set[int], time: float) -> Prospect:
+    def prospect(self, forecast: Forecast, queried: set[int], time: float) -> Prospect:
         """Find which robots are stuck, whether or not they are part of a deadlock.
 
         Args:
             forecast: from this moment on.
-            asked: robots in question.
+            queried: robots in question.
             time: [s].
         """
         span = self._span(time)
-        seen = self._first(forecast, asked, time, span)
-        found = self._voted(forecast, seen, asked, time, span)
-        here = {i for i in asked & set(found.last) if found.last[i] <= time}
+        seen = self._first(forecast, queried, time, span)
+        found = self._voted(forecast, seen, queried, time, span)
+        here = {i for i in queried & set(found.last) if found.last[i] <= time}
         end = self._end_of(forecast, seen, here, time) if here else seen
         stays = {
             i: at
@@ -328,30 +328,30 @@ class CounterfactualTest:
     def _first(
         self,
         forecast: Forecast,
-        asked: set[int],
+        queried: set[int],
         time: float,
         span: _Span,
         *,
         speculates: bool = False,
     ) -> ContinuationAnswer:
         """Continue the run as it is, and note who makes progress soon."""
-        seen = self._continue(forecast, asked, span, speculates=speculates) or NOTHING_SEEN
+        seen = self._continue(forecast, queried, span, speculates=speculates) or NOTHING_SEEN
         if not seen.as_expected:
-            self._lengthen_pauses(asked, time)
+            self._lengthen_pauses(queried, time)
         for i, progress in seen.soon.items():
             self.free_until[int(i)] = max(self.free_until[int(i)], progress)
         return seen
 
     def _is_incomplete(
-        self, seen: ContinuationAnswer, asked: set[int], removals: Removals, time: float
+        self, seen: ContinuationAnswer, queried: set[int], removals: Removals, time: float
     ) -> bool:
-        """Say whether all of ``asked`` are free or held by robots that get stuck only later.
+        """Say whether all of ``queried`` are free or held by robots that get stuck only later.
 
         No copies vote then; those held are asked about again once the first such robot is stuck.
         """
         last = {int(i): progress for i, progress in seen.stuck.items()}
         later = sorted((progress, i) for i, progress in last.items() if progress > time)
-        here = {i for i in asked & set(last) if last[i] <= time}
+        here = {i for i in queried & set(last) if last[i] <= time}
         if not here or not later:
             return False
         until: dict[int, float] = {}
@@ -363,7 +363,7 @@ class CounterfactualTest:
         else:
             return False
         freed = {int(i): at for i, at in seen.freed.items()}
-        self._note_free(asked - here, {i: at for at, i in later if i in asked}, freed, time)
+        self._note_free(queried - here, {i: at for at, i in later if i in queried}, freed, time)
         for i, progress in until.items():
             self.free_until[i] = max(progress, time + self._pause[i])
         return True
@@ -389,7 +389,7 @@ class CounterfactualTest:
         self,
         forecast: Forecast,
         seen: ContinuationAnswer,
-        asked: set[int],
+        queried: set[int],
         time: float,
         span: _Span,
     ) -> Prospect:
@@ -399,16 +399,16 @@ class CounterfactualTest:
         edges = edges_by_robot(seen.edges)
         # Robots that stay may do so only because nothing pushes them off a balance; only copies
         # with small differences tell.
-        vote = self._vote(forecast, asked, set(last), span)
+        vote = self._vote(forecast, queried, set(last), span)
         last = {i: progress for i, progress in last.items() if vote.stuck[i]}
-        self._note_free(asked, last, freed, time)
-        self._note_outvoted(asked & set(vote.freed) - set(last) - set(freed), vote.freed, time)
+        self._note_free(queried, last, freed, time)
+        self._note_outvoted(queried & set(vote.freed) - set(last) - set(freed), vote.freed, time)
         return Prospect(last, {int(i): way for i, way in seen.driven.items()}, edges)
 
     def _continue(
         self,
         forecast: Forecast,
-        asked: set[int],
+        queried: set[int],
         span: _Span,
         *,
         others: Iterable[int] = (),
@@ -419,7 +419,7 @@ class CounterfactualTest:
         """Continue a copy of the run; None: the copy cannot be made, or the stack fails in it."""
         watch = ContinuationWatch(
             self._progress,
-            Question(frozenset(asked), frozenset(others), *span),
+            Question(frozenset(queried), frozenset(others), *span),
             stride=self._stride,
             bystanders=self.bystanders,
             series=None if nudge or to_come else self._future,
@@ -437,13 +437,13 @@ class CounterfactualTest:
     def _vote(
         self,
         forecast: Forecast,
-        asked: set[int],
+        queried: set[int],
         stuck: set[int],
         span: _Span,
     ) -> _Vote:
         """Decide which of ``stuck`` are so in most copies; no more are made than it takes.
 
-        None are made once all of ``asked`` are free: the others do not matter then. Where a copy
+        None are made once all of ``queried`` are free: the others do not matter then. Where a copy
         cannot be made, the first continuation alone decides.
         """
         votes = dict.fromkeys(stuck, 1)
@@ -451,9 +451,9 @@ class CounterfactualTest:
         for nudge in range(1, self._copies):
             free = {i for i in stuck if 2 * (nudge - votes[i]) > self._copies}
             open_ = {i for i in stuck - free if 2 * votes[i] < self._copies}
-            if not open_ or not asked & stuck - free:
+            if not open_ or not queried & stuck - free:
                 break
-            first = asked & open_ or open_
+            first = queried & open_ or open_
             seen = self._continue(forecast, first, span, others=open_ - first, nudge=nudge)
             if seen is None:
                 return _Vote(dict.fromkeys(stuck, True), {})
@@ -468,17 +468,17 @@ class CounterfactualTest:
         for i in robots:
             self.free_until[i] = max(self.free_until[i], time + self._pause[i])
 
-    def _lengthen_pauses(self, asked: set[int], time: float) -> None:
-        for i in asked:
-            has_moved = self._progress.last[i] > self._asked_at[i]
+    def _lengthen_pauses(self, queried: set[int], time: float) -> None:
+        for i in queried:
+            has_moved = self._progress.last[i] > self._queried_at[i]
             self._pause[i] = ASK_SOONEST if has_moved else min(2.0 * self._pause[i], A_MINUTE)
-            self._asked_at[i] = time
+            self._queried_at[i] = time
 
     def _note_free(
-        self, asked: set[int], last: Mapping[int, float], freed: Mapping[int, float], time: float
+        self, queried: set[int], last: Mapping[int, float], freed: Mapping[int, float], time: float
     ) -> None:
         """Note until when robots need not be asked about."""
-        for i in asked - set(last):
+        for i in queried - set(last):
             known = max(freed.get(i, time), time + self._pause[i])
             self.free_until[i] = max(self.free_until[i], known)
         for i, progress in last.items():

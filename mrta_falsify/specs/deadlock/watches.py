@@ -65,8 +65,8 @@ class Question(NamedTuple):
     """What a continuation is asked."""
 
     #: robots in question: it goes on until all of them have made progress, or to its bound
-    asked: frozenset[int]
-    others: frozenset[int]  #: they are in question if one of ``asked`` makes no progress
+    queried: frozenset[int]
+    others: frozenset[int]  #: they are in question if one of ``queried`` makes no progress
     time: float  #: of the question [s]
     settled: float  #: rest counts from this time on [s]
     until: float  #: it goes on no longer than this [s]
@@ -182,7 +182,7 @@ class ContinuationWatch:
 
     def is_as_expected(self) -> bool:
         """See :class:`mrta_falsify.core.protocols.SpeculativeWatch`."""
-        return self.question.asked <= self._freed.keys()
+        return self.question.queried <= self._freed.keys()
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`ContinuationAnswer`, encoded."""
@@ -193,7 +193,7 @@ class ContinuationWatch:
 
     def _answer(self) -> ContinuationAnswer:
         question, first, end = self.question, self._seen[0], self._end
-        in_question = sorted(question.asked | question.others)
+        in_question = sorted(question.queried | question.others)
         until = min(end.rests_until, question.until) if end.time < question.until else end.time
         stuck = set(np.flatnonzero(end.waits & (until - end.last >= ALSO_STANDS)).tolist())
         stuck |= {i for i in in_question if i not in self._freed}
@@ -213,7 +213,7 @@ class ContinuationWatch:
     def _stopped(self, i: int) -> float:
         """When a stuck robot was on its way last [s]; a goal that it never drove to is no way."""
         first, end, question = self._seen[0], self._end, self.question
-        stands = i in question.asked | question.others and end.moved[i] <= first.moved[i]
+        stands = i in question.queried | question.others and end.moved[i] <= first.moved[i]
         return float(min(end.way[i], first.way[i]) if stands else end.way[i])
 
     def _begin(self, question: Question) -> None:
@@ -247,7 +247,7 @@ class ContinuationWatch:
         question, before = self.question, self._seen[0].moved
         moved_on = set(np.flatnonzero(seen.last > self._end.last).tolist())
         self._end = seen
-        for i in sorted(question.asked | question.others):
+        for i in sorted(question.queried | question.others):
             if i in self._freed:
                 continue
             if seen.moved[i] > before[i] or not seen.waits[i]:
@@ -258,7 +258,7 @@ class ContinuationWatch:
                 self._passed.setdefault(i, {}).update({str(j): seen.time for j in ahead - {i}})
         if seen.time <= question.settled + A_MINUTE:
             self._soon = seen.last
-        return question.asked <= self._freed.keys()
+        return question.queried <= self._freed.keys()
 
     def _is_over(self, seen: _Seen) -> bool:
         """Whether the bound is reached, or nothing moves any more until then."""
@@ -290,7 +290,7 @@ class CounterfactualWatch:
 
     def update(self, frame: Frame) -> bool:
         """See :class:`mrta_falsify.core.protocols.Watch`."""
-        looks, asked = self._looks, self._question.asked
+        looks, queried = self._looks, self._question.queried
         if not looks.are_due(frame):
             return False
         if self._served is None:
@@ -300,12 +300,12 @@ class CounterfactualWatch:
         self._moved = self._progress.moved.copy()
         reached = frame.served > self._served
         reached |= ~has_stop_to_reach(frame.intent, frame.sensed.pose[:, :2])
-        self.freed |= asked & set(np.flatnonzero(reached).tolist())
+        self.freed |= queried & set(np.flatnonzero(reached).tolist())
         if looks.time <= self._question.time + A_MINUTE:
             set_out = (self._steps >= SETS_OUT) | reached
-            self._nearer |= asked & set(np.flatnonzero(set_out).tolist())
+            self._nearer |= queried & set(np.flatnonzero(set_out).tolist())
         until = self._question.until
-        return not asked - self.freed or looks.time >= until or looks.are_settled(until)
+        return not queried - self.freed or looks.time >= until or looks.are_settled(until)
 
     def answer(self) -> dict[str, Any]:
         """Give the :class:`CounterfactualAnswer`, encoded."""
@@ -313,7 +313,7 @@ class CounterfactualWatch:
         answer = CounterfactualAnswer(
             freed=tuple(sorted(self.freed)),
             nearer=tuple(sorted(self._nearer | self.freed)),
-            edges=tuple(e for i in sorted(self._question.asked) for e in edges.get(i, ())),
+            edges=tuple(e for i in sorted(self._question.queried) for e in edges.get(i, ())),
         )
         encoded: dict[str, Any] = codec.encode(answer)
         return encoded

@@ -173,7 +173,7 @@ def _reach(first: float, second: float, low: Array, high: Array) -> tuple[float,
 
 
 @njit(cache=True)
-def _asked(bound: float, least: float, most: float) -> float:
+def _requested(bound: float, least: float, most: float) -> float:
     """Cut the bound of a row that reaches from ``least`` to ``most`` to what can be given."""
     return float(min(bound, most - (1.0 - EFFORT) * (most - least)))
 
@@ -216,7 +216,7 @@ def fill_own_rows(
                 continue
             c = rows.own_count[i]
             rows.own[i, c, 0], rows.own[i, c, 1] = first, second
-            rows.own_bound[i, c] = _asked(bound, least, most)
+            rows.own_bound[i, c] = _requested(bound, least, most)
             rows.own_coupling[i, c] = kind.coupling
             rows.own_count[i] = c + 1
 
@@ -255,7 +255,7 @@ def fill_pair_rows(
             pair[p, 0], pair[p, 1] = i, j
             pair_row[p, 0], pair_row[p, 1] = first, second
             pair_row[p, 2], pair_row[p, 3] = third, fourth
-            pair_bound[p] = _asked(bound, least, most)
+            pair_bound[p] = _requested(bound, least, most)
             p += 1
             _fill_joined(rows.component, i, j)
     rows.pair_count[0] = p

@@ -137,7 +137,7 @@ def choose_manoeuvres(
     order: IntArray,
     ways: Ways,
     points: Array,
-    told: CrewView,
+    sensed: CrewView,
     clearances: Clearances,
     yield_margin: float,
 ) -> Choices:
@@ -152,7 +152,7 @@ def choose_manoeuvres(
         order: ``(N,)`` robot numbers, the one that goes first in front.
         ways: paths; a robot that wants to move and has none goes straight to its target.
         points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        told: people, and places that robots must ask for.
+        sensed: people, and places that robots must ask for.
         clearances: distances that the barrier rows keep.
         yield_margin: robots nearer than this beyond their barrier distance conflict [m].
 
@@ -164,7 +164,7 @@ def choose_manoeuvres(
     motion, box = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
     stuck, decides = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     settled = np.empty(n, dtype=np.bool_)
-    gap, people = clearances.robot + yield_margin, people_in(told)
+    gap, people = clearances.robot + yield_margin, people_in(sensed)
     for _ in range(2):
         for i in range(n):
             robot = crew[i]
@@ -185,7 +185,7 @@ def choose_manoeuvres(
                 fill_stop(crew[i], motion[i])
             else:
                 traffic = Traffic(motion, box, settled, gap, place, people_gap)
-                places = SharedPlaces(told.shared_corner, told.shared_first, told.closed[i])
+                places = SharedPlaces(sensed.shared_corner, sensed.shared_first, sensed.closed[i])
                 _fill_choice(choices[i], i, crew, ways, points[i], clearances, places, traffic)
                 # Nowhere to go: in a second round the others have to find a way round it.
                 stuck[i] = choices[i].conflict_at < np.inf and choices[i].kind == STAY

@@ -117,7 +117,7 @@ class ClusterCbf:
 
     def _decide(self, view: ControlView, state: ControllerState) -> tuple[Scene, NominalInputs]:
         """Bring ``state`` to this tick, but for the commands, which are still the last."""
-        told, n, path = crew_view(view), len(view.pose), view.path
+        sensed, n, path = crew_view(view), len(view.pose), view.path
         if not isinstance(path, Polylines):
             path = Polylines.of(path)
         nominal = NominalInputs(
@@ -126,9 +126,9 @@ class ClusterCbf:
             np.empty((3, n)),
             np.empty(n, dtype=np.bool_),
         )
-        all_told = _decide_crew(
+        all_heard = _decide_crew(
             state.crew,
-            told,
+            sensed,
             (path.points, path.first),
             (tuple(self._rules), tuple(self._clearances), state.tick == 0),
             (state.point, state.seen_at),
@@ -136,8 +136,8 @@ class ClusterCbf:
         )
         speed, turn_first, weight = nominal.figures
         scene = Scene(
-            told=told,
-            pose=view.pose if all_told else np.ascontiguousarray(state.crew["pose"]),
+            sensed=sensed,
+            pose=view.pose if all_heard else np.ascontiguousarray(state.crew["pose"]),
             points=state.point,
             known=view.present,
             group=nominal.numbers[0],
@@ -177,10 +177,10 @@ def _decide_crew(
         Whether all poses are those told.
     """
     rules, clearances, is_first = Rules(*law[0]), Clearances(*law[1]), law[2]
-    told, ways, nominal = CrewView(*view), Ways(*paths), NominalInputs(*result)
-    people = people_in(told)
-    all_told = hear_robots(crew, told, is_first)
-    order = survey_crew(crew, told, rules.neighbour_distance, rules.command_lifetime)
+    sensed, ways, nominal = CrewView(*view), Ways(*paths), NominalInputs(*result)
+    people = people_in(sensed)
+    all_heard = hear_robots(crew, sensed, is_first)
+    order = survey_crew(crew, sensed, rules.neighbour_distance, rules.command_lifetime)
     position = np.empty((crew.shape[0], 2))
     for i in range(crew.shape[0]):
         position[i, 0], position[i, 1] = crew[i].pose[0], crew[i].pose[1]
@@ -188,20 +188,22 @@ def _decide_crew(
     points[:], seen_at[:] = remember_points(
         points,
         seen_at,
-        told.obstacle_points,
+        sensed.obstacle_points,
         position,
-        told.present,
-        told.time,
+        sensed.present,
+        sensed.time,
         rules.obstacle_memory,
     )
     if rules.followers_brake:
         choices = let_leaders_go(crew)
     else:
-        choices = choose_manoeuvres(crew, order, ways, points, told, clearances, rules.yield_margin)
+        choices = choose_manoeuvres(
+            crew, order, ways, points, sensed, clearances, rules.yield_margin
+        )
     if rules.backs_up:
-        back_up_where_stuck(choices, crew, points, people, clearances.obstacle, told.time)
-    fill_nominal(crew, choices, told, rules.patience, rules.leader_weight, nominal)
-    return all_told
+        back_up_where_stuck(choices, crew, points, people, clearances.obstacle, sensed.time)
+    fill_nominal(crew, choices, sensed, rules.patience, rules.leader_weight, nominal)
+    return all_heard
 
 
 @njit(cache=True)

@@ -70,9 +70,9 @@ class DecentralisedCbf:
         last = self._state
         if last is None or len(last.crew) != n:
             last = ControllerState.fresh(view.pose, view.time)
-        crew, told = last.crew.copy(), crew_view(view)
-        all_told = hear_robots(crew, CrewView(*told), last.tick == 0)
-        pose = view.pose if all_told else np.ascontiguousarray(crew["pose"])
+        crew, sensed = last.crew.copy(), crew_view(view)
+        all_heard = hear_robots(crew, CrewView(*sensed), last.tick == 0)
+        pose = view.pose if all_heard else np.ascontiguousarray(crew["pose"])
         points, seen_at = remember_points(
             last.point,
             last.seen_at,
@@ -85,7 +85,7 @@ class DecentralisedCbf:
         heard = view.present & view.states_link
         better = view.rank[:, None] < view.rank[None, :]
         scene = Scene(
-            told=told,
+            sensed=sensed,
             pose=pose,
             points=points,
             known=view.present,

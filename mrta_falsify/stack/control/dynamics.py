@@ -189,12 +189,12 @@ class Holonomic:
         stop = ~np.isfinite(distance) | (distance < gains.stop_distance)
         speed = np.minimum(gains.k_x * distance, nominal.speed)
         with np.errstate(invalid="ignore", divide="ignore"):
-            wanted = offset / distance[:, None] * speed[:, None]
-        wanted = np.where(stop[:, None], 0.0, wanted)
+            requested = offset / distance[:, None] * speed[:, None]
+        requested = np.where(stop[:, None], 0.0, requested)
         # At rest no later than the next tick, if the limit allows it.
         gain = np.where(stop, 1.0 / view.dt, gains.k_v)[:, None]
         limit = view.max_acceleration[:, None] / np.sqrt(2.0)
-        return np.asarray(np.clip(gain * (wanted - velocity), -limit, limit))
+        return np.asarray(np.clip(gain * (requested - velocity), -limit, limit))
 
     def twist(self, view: ControlView, inputs: Array, low: Array, high: Array) -> Array:
         """See :class:`Dynamics`."""
@@ -227,7 +227,7 @@ def _to_map(yaw: Array, twist: Array) -> Array:
 
 @njit(cache=True)
 def _fill_unicycle_motion(
-    told: tuple[Array, Array, Array, Array],
+    sensed: tuple[Array, Array, Array, Array],
     velocity: Array,
     direction: Array,
     limit: Array,
@@ -235,7 +235,7 @@ def _fill_unicycle_motion(
     effect: Array,
 ) -> None:
     """Fill the fields of a :class:`Motion` from poses, twists and limits."""
-    pose, twist, max_acceleration, max_turn_rate = told
+    pose, twist, max_acceleration, max_turn_rate = sensed
     for i in range(pose.shape[0]):
         cos, sin, v = np.cos(pose[i, 2]), np.sin(pose[i, 2]), twist[i, 0]
         speed[i] = v
@@ -248,8 +248,8 @@ def _fill_unicycle_motion(
 
 @njit(cache=True)
 def _fill_unicycle_reference(
-    told: tuple[Array, Array, Array, Array],
-    wanted: tuple[Any, ...],
+    sensed: tuple[Array, Array, Array, Array],
+    requested: tuple[Any, ...],
     dt: float,
     law: tuple[Any, ...],
     inputs: Array,
@@ -257,14 +257,14 @@ def _fill_unicycle_reference(
     """Fill nominal inputs ``(N, 2)``, 0 so far; who brakes stops within a tick if it can.
 
     Args:
-        told: poses, twists and limits, as for the motion.
-        wanted: fields of :class:`NominalInput`.
+        sensed: poses, twists and limits, as for the motion.
+        requested: fields of :class:`NominalInput`.
         dt: control period [s].
         law: fields of :class:`UnicycleGains`.
         inputs: filled.
     """
-    pose, twist, max_acceleration, max_turn_rate = told
-    nominal, gains = NominalInput(*wanted), UnicycleGains(*law)
+    pose, twist, max_acceleration, max_turn_rate = sensed
+    nominal, gains = NominalInput(*requested), UnicycleGains(*law)
     for i in range(pose.shape[0]):
         v = twist[i, 0]
         limit, turn_limit = max_acceleration[i], max_turn_rate[i]
@@ -303,10 +303,10 @@ def _fill_unicycle_twist(
     low, high = speeds
     for i in range(twist.shape[0]):
         v, step = twist[i, 0], max_acceleration[i] * dt
-        wanted = v + min(step, max(-step, inputs[i, 0] * dt))
-        if wanted > high[i]:
-            wanted = max(high[i], v - step)
-        if wanted < low[i]:
-            wanted = min(low[i], v + step)
-        after[i, 0] = min(max_speed[i], max(-max_speed[i], wanted))
+        requested = v + min(step, max(-step, inputs[i, 0] * dt))
+        if requested > high[i]:
+            requested = max(high[i], v - step)
+        if requested < low[i]:
+            requested = min(low[i], v + step)
+        after[i, 0] = min(max_speed[i], max(-max_speed[i], requested))
         after[i, 2] = min(max_turn_rate[i], max(-max_turn_rate[i], inputs[i, 1]))

@@ -30,7 +30,7 @@ class NominalInputs(NamedTuple):
 def fill_nominal(
     crew: Crew,
     choices: Choices,
-    told: CrewView,
+    sensed: CrewView,
     patience: float,
     leader_weight: float,
     nominal: NominalInputs,
@@ -40,7 +40,7 @@ def fill_nominal(
     Args:
         crew: robots, surveyed; anchors, suspended leads and times of commands are written.
         choices: ``(N,)`` manoeuvres.
-        told: what the view says.
+        sensed: what the view says.
         patience: a lead without progress is suspended for so long after so long [s].
         leader_weight: price of slowing a leader; others cost 1.
         nominal: filled.
@@ -70,10 +70,10 @@ def fill_nominal(
         leads = robot.leader == i
         weight[i] = leader_weight if leads else 1.0
         if not leads:
-            robot.remote_at = told.time
-        elif told.leader_link[i]:
+            robot.remote_at = sensed.time
+        elif sensed.leader_link[i]:
             robot.remote_at = -np.inf
-        _fill_progress(robot, robot.wants and does in (GO, PASS, BACK), told.time, patience)
+        _fill_progress(robot, robot.wants and does in (GO, PASS, BACK), sensed.time, patience)
 
 
 @njit(cache=True)

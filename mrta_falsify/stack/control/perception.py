@@ -15,14 +15,14 @@ ROUNDING = 1e-9  # s, ticks' times are sums of floats
 
 @njit(cache=True)
 def survey_crew(
-    crew: Crew, told: CrewView, neighbour_distance: float, command_lifetime: float
+    crew: Crew, sensed: CrewView, neighbour_distance: float, command_lifetime: float
 ) -> IntArray:
     """Decide for each robot with whom it decides, and who leads.
 
     Args:
         crew: robots as :func:`~mrta_falsify.stack.control.state.hear_robots` gives them; the
             decided fields are written.
-        told: what the view says.
+        sensed: what the view says.
         neighbour_distance: two robots nearer than this are neighbours [m].
         command_lifetime: a remote command is repeated so long after the link is lost [s].
 
@@ -38,18 +38,20 @@ def survey_crew(
         robot = crew[i]
         position[i, 0], position[i, 1] = robot.pose[0], robot.pose[1]
         heard[i] = robot.heard
-        joint[i] = robot.heard and told.leader_link[i]
+        joint[i] = robot.heard and sensed.leader_link[i]
         wants[i] = robot.present and np.isfinite(robot.target[0])
         busy[i] = robot.active and robot.present
-        demoted[i] = robot.demoted_until > told.time
-    key = precedence(busy, wants, demoted, told.rank)
+        demoted[i] = robot.demoted_until > sensed.time
+    key = precedence(busy, wants, demoted, sensed.rank)
     cluster = connected_clusters(position, heard, neighbour_distance)
-    leader = elect_leaders(cluster, joint, told.active, key)
+    leader = elect_leaders(cluster, joint, sensed.active, key)
     for i in range(n):
         robot = crew[i]
         robot.wants, robot.joint = wants[i], joint[i]
         robot.cluster, robot.leader = cluster[i], leader[i]
-        fill_link_loss(robot, told.velocity[i, 0], told.leader_link[i], told.time, command_lifetime)
+        fill_link_loss(
+            robot, sensed.velocity[i, 0], sensed.leader_link[i], sensed.time, command_lifetime
+        )
     return sorted_by(key)
 
 

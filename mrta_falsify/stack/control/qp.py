@@ -124,7 +124,7 @@ def component_program(
 @njit(cache=True)
 def _fill_program(
     lines: tuple[Any, ...],
-    wanted: tuple[Any, ...],
+    requested: tuple[Any, ...],
     members: IntArray,
     scale: float,
     program: tuple[Any, ...],
@@ -133,12 +133,12 @@ def _fill_program(
 
     Args:
         lines: fields of :class:`Rows`.
-        wanted: fields of :class:`Demand`.
+        requested: fields of :class:`Demand`.
         members: robots of the program.
         scale: of the slack.
         program: fields of the :class:`QuadraticProgram`.
     """
-    rows, demand = Rows(*lines), Demand(*wanted)
+    rows, demand = Rows(*lines), Demand(*requested)
     hessian, linear, matrix, lower, upper = program
     n = members.shape[0]
     columns, last = 2 * n + 1, 2 * n

@@ -91,9 +91,9 @@ class CrewView(NamedTuple):
 
 
 @njit(cache=True)
-def people_in(told: CrewView) -> People:
+def people_in(sensed: CrewView) -> People:
     """Take the people from what is told."""
-    return People(told.human_position, told.human_velocity, told.human_radius)
+    return People(sensed.human_position, sensed.human_velocity, sensed.human_radius)
 
 
 def crew_view(view: ControlView) -> tuple[Any, ...]:
@@ -156,33 +156,33 @@ class ControllerState:
 
 
 @njit(cache=True)
-def hear_robots(crew: Crew, told: CrewView, is_first: bool) -> bool:
+def hear_robots(crew: Crew, sensed: CrewView, is_first: bool) -> bool:
     """Bring the crew to this tick; says whether all poses are those told.
 
     A robot that is no longer heard is taken to brake along its heading, as it does. At the
     first tick all poses are told.
     """
-    all_told = True
+    all_heard = True
     for i in range(crew.shape[0]):
         robot = crew[i]
-        robot.active, robot.present = told.active[i], told.present[i]
-        robot.heard = told.present[i] and told.states_link[i]
-        robot.max_speed = told.max_speed[i]
-        robot.cruise = min(told.max_speed[i], told.cruise[i])
-        robot.max_acceleration = told.max_acceleration[i]
-        robot.target[0], robot.target[1] = told.target[i, 0], told.target[i, 1]
+        robot.active, robot.present = sensed.active[i], sensed.present[i]
+        robot.heard = sensed.present[i] and sensed.states_link[i]
+        robot.max_speed = sensed.max_speed[i]
+        robot.cruise = min(sensed.max_speed[i], sensed.cruise[i])
+        robot.max_acceleration = sensed.max_acceleration[i]
+        robot.target[0], robot.target[1] = sensed.target[i, 0], sensed.target[i, 1]
         if robot.heard or is_first:
             for c in range(3):
-                robot.pose[c] = told.pose[i, c]
-            robot.speed = told.velocity[i, 0]
+                robot.pose[c] = sensed.pose[i, c]
+            robot.speed = sensed.velocity[i, 0]
             continue
-        all_told = False
+        all_heard = False
         v = robot.speed
-        robot.pose[0] += v * told.dt * np.cos(robot.pose[2])
-        robot.pose[1] += v * told.dt * np.sin(robot.pose[2])
-        step = robot.max_acceleration * told.dt
+        robot.pose[0] += v * sensed.dt * np.cos(robot.pose[2])
+        robot.pose[1] += v * sensed.dt * np.sin(robot.pose[2])
+        step = robot.max_acceleration * sensed.dt
         robot.speed = max(v - step, 0.0) if v >= 0.0 else min(v + step, 0.0)
-    return all_told
+    return all_heard
 
 
 @njit(cache=True)

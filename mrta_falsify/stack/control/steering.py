@@ -51,7 +51,7 @@ TURNING = 0.05  # rad/s, slower turns are none
 class Scene:
     """What is to be steered, and among what."""
 
-    told: tuple[Any, ...]  #: what the view says, the fields of a :class:`CrewView`
+    sensed: tuple[Any, ...]  #: what the view says, the fields of a :class:`CrewView`
     pose: Array  #: (N, 3) as the fleet knows it; the view's own object if that is the same
     points: Array  #: (N, S, 2) obstacle points [m], inf: none
     known: BoolArray  #: (N,) robots that are there
@@ -137,7 +137,7 @@ class Steering:
         limits = InputLimits(low, high, low_speed, high_speed, halt, tight)
         rows = room_for_rows(n, sectors + len(view.human_radius) + n)
         _fill_program(
-            scene.told,
+            scene.sensed,
             tuple(motion),
             (scene.pose, scene.known, scene.group),
             (scene.points, scene.share),
@@ -198,7 +198,7 @@ def _fill_program(
         lines: fields of :class:`Rows`, filled.
         inputs: ``(N, 2)`` wanted ones; brought within their limits.
     """
-    told, motion = CrewView(*view), Motion(*moves)
+    sensed, motion = CrewView(*view), Motion(*moves)
     limits, rows = InputLimits(*range_), Rows(*lines)
     kinds, clearances, margins = law[0], Clearances(*law[1]), SpeedMargins(*law[2])
     pose, known, group = crew
@@ -210,13 +210,13 @@ def _fill_program(
         motion.speed,
         motion.effect,
         motion.limit,
-        told.max_speed,
-        told.max_acceleration,
+        sensed.max_speed,
+        sensed.max_acceleration,
         known,
         group,
     )
-    people, dt, drives_along = people_in(told), told.dt, motion.drives_along
-    loads = told.active & np.isnan(told.target[:, 0])
+    people, dt, drives_along = people_in(sensed), sensed.dt, motion.drives_along
+    loads = sensed.active & np.isnan(sensed.target[:, 0])
     things = list_things(movers, points, people, _whole_against(loads, share), clearances)
     if law[3]:
         wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)

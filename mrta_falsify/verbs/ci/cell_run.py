@@ -60,11 +60,11 @@ class CellRun:
         for finding in self._known:
             for example, row in self._rechecked(finding):
                 self.rechecked += 1
-                told = _finding_of(finding, example, row, self._number)
-                if told is None:
+                reported = _finding_of(finding, example, row, self._number)
+                if reported is None:
                     undecided.append(finding.signature)
-                elif told.fate != "resolved":
-                    seen.append(told)
+                elif reported.fate != "resolved":
+                    seen.append(reported)
         found = merged(self._known, seen, undecided, self._number)
         return CellState(
             name=self._cell.name,
@@ -78,8 +78,8 @@ class CellRun:
 
     def _rechecked(self, finding: Finding) -> Iterator[tuple[Example, Recheck]]:
         """Yield the stored failures of a mode, run again."""
-        asked = {self._key(example): example for example in finding.examples}
-        missing = [example for key, example in asked.items() if key not in self._journal.answers]
+        queried = {self._key(example): example for example in finding.examples}
+        missing = [example for key, example in queried.items() if key not in self._journal.answers]
         for directory in sorted({example.directory for example in missing}):
             ids = [example.id for example in missing if example.directory == directory]
             campaign = open_to_run(self._project.folder / directory, self._trust)
@@ -94,7 +94,7 @@ class CellRun:
                 only=ids,
             ):
                 self._journal.keep(self._key(Example(directory, row.id)), row)
-        for key, example in asked.items():
+        for key, example in queried.items():
             yield example, self._journal.answers[key]
 
     def _key(self, example: Example) -> str:
@@ -170,12 +170,12 @@ def _finding_of(known: Finding, example: Example, row: Recheck, number: int) -> 
     fate: Fate = "resolved" if not failed else "flaky"
     if _most(failed, 1 + row.jittered):
         fate = "failing"
-    told = dataclasses.replace(
+    reported = dataclasses.replace(
         known, fate=fate, examples=(example,), sentence=row.sentence or known.sentence, since=number
     )
     if not fails:
-        return told
+        return reported
     now, before = row.forms_now
     return dataclasses.replace(
-        told, signature=now, rules=JUDGED_SINCE, before=(before,), failure_kind=row.kind_now
+        reported, signature=now, rules=JUDGED_SINCE, before=(before,), failure_kind=row.kind_now
     )

@@ -184,29 +184,29 @@ def _explained(
     lab.on_run = count.add
     gone = tuple(count.each(removals_of(job, verdict, trace, count.left, removals)))
     rows = _rows(job, failure, at, changes, lab, count)
-    told = tuple(row for row in rows if row.at == rows[-1].at)
+    reported = tuple(row for row in rows if row.at == rows[-1].at)
     absences, schedules = _changed_runs(
         job, verdict, trace, count, whole or RunJournal(ChangedRun, None)
     )
-    layer, reason = suspicion_from(told, verdict, guess)
-    cured = {row.change for row in curing(told)} if told else set()
-    branches = branches_of(job, failure, changes, cured, told[0].at if told else 0.0)
+    layer, reason = suspicion_from(reported, verdict, guess)
+    cured = {row.change for row in curing(reported)} if reported else set()
+    branches = branches_of(job, failure, changes, cured, reported[0].at if reported else 0.0)
     inevitability = rewind(job, failure, branches, rewinds, lab)
     found = Explanation(
         layer=layer,
         guess=guess,
         reason=reason,
-        changed_at=told[0].at if told else at,
+        changed_at=reported[0].at if reported else at,
         counterfactuals=(),
         rows=rows,
         removals=gone,
         absences=absences,
         schedules=schedules,
-        jittered=_copies(told),
+        jittered=_copies(reported),
         runs=count.done,
         inevitability=inevitability,
     )
-    return found, partial(_keep_runs, job, failure, told, changes, lab)
+    return found, partial(_keep_runs, job, failure, reported, changes, lab)
 
 
 def _alone(job: Job, verdict: Verdict, judged: Judged) -> tuple[Verdict, Outcome]:

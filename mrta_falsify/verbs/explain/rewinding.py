@@ -126,15 +126,15 @@ def rewind(
     if job.config.stack is not None and branches:
         branches = []
         left_out = "the layers of a stack in a process of its own, which do not change in mid-run"
-    told = _Told(job, failure, most, lab, _finest_of(branches, failure.found))
+    counted = _Votes(job, failure, most, lab, _finest_of(branches, failure.found))
     waiting = list(branches) if not why_not else []
     if not why_not:
-        told.find_turn_of_stack()
-    while waiting and told.left >= FOR_A_CHANGE:
-        room = told.left // FOR_A_CHANGE
-        told.find_turns(waiting[:room])
+        counted.find_turn_of_stack()
+    while waiting and counted.left >= FOR_A_CHANGE:
+        room = counted.left // FOR_A_CHANGE
+        counted.find_turns(waiting[:room])
         waiting = waiting[room:]
-    curves = told.curves()
+    curves = counted.curves()
     first = decisive(curves)
     return Inevitability(
         onset=min(cause_begins(failure.verdict), failure.found),
@@ -142,7 +142,7 @@ def rewind(
         curves=curves,
         decided_at=decision(curves),
         by=first.name if first is not None else "",
-        runs=most - told.left,
+        runs=most - counted.left,
         left_out=why_not or left_out or _without_room(waiting),
     )
 
@@ -188,7 +188,7 @@ class _Question(NamedTuple):
     settled: bool = False  #: whether to go on until the interval leaves one half out
 
 
-class _Told:
+class _Votes:
     """What copies have told, by branch and time."""
 
     def __init__(
@@ -283,12 +283,12 @@ class _Told:
         """Run copies of each question until there are enough, or no more to be had."""
         waiting = list(questions)
         while waiting := [question for question in waiting if self._wants(question)]:
-            asked = [(question, self._number(question)) for question in waiting][: self.left]
-            if not asked:
+            queried = [(question, self._number(question)) for question in waiting][: self.left]
+            if not queried:
                 return
-            self.left -= len(asked)
-            results = self._lab.map([self._copy(*one) for one in asked])
-            for (question, _), result in zip(asked, results, strict=True):
+            self.left -= len(queried)
+            results = self._lab.map([self._copy(*one) for one in queried])
+            for (question, _), result in zip(queried, results, strict=True):
                 gone = question.branch.name if question.branch.robot is not None else ""
                 fate = fate_of(result, self._failure, since=question.time, without=gone)
                 failed = {"fails": True, "passes": False}.get(fate)

@@ -121,28 +121,28 @@ def rows_of(
     own = lab.run(experiment_of(job, failure, at, None, 0))
     if fate_of(own, failure, since=at) != "fails":
         return (_row(None, at, (own,), failure),)
-    asked = (None, *changes)
-    results: list[list[RunResult]] = [[] for _ in asked]
+    queried = (None, *changes)
+    results: list[list[RunResult]] = [[] for _ in queried]
 
     def run(which: range, begun: int) -> tuple[LayerRow, ...]:
         runs = [(k, 1 + begun + copy) for copy in range(RUNS) for k in which]
-        wanted = [experiment_of(job, failure, at, asked[k], number) for k, number in runs]
-        for (k, _), result in zip(runs, lab.map(wanted), strict=True):
+        experiments = [experiment_of(job, failure, at, queried[k], number) for k, number in runs]
+        for (k, _), result in zip(runs, lab.map(experiments), strict=True):
             results[k].append(result)
         return tuple(
             _row(change, at, found, failure)
-            for change, found in zip(asked, results, strict=True)
+            for change, found in zip(queried, results, strict=True)
             if found
         )
 
     rows = run(range(1), 0)
     if is_knife_edge(rows[0]):
         return rows
-    rows = run(range(1, len(asked)), 0)
+    rows = run(range(1, len(queried)), 0)
     for begun in range(RUNS, MOST, RUNS):
-        if (begun + RUNS) * len(asked) > most or not _may_tell_more(rows):
+        if (begun + RUNS) * len(queried) > most or not _may_tell_more(rows):
             break
-        rows = run(range(len(asked)), begun)
+        rows = run(range(len(queried)), begun)
     return rows
 
 
@@ -191,11 +191,11 @@ def run_to_keep(
     Returns:
         None if no copy was run that does.
     """
-    wanted = "fails" if change is None else "passes"
+    experiments = "fails" if change is None else "passes"
     for number in range(1, MOST + 1):
         experiment = experiment_of(job, failure, row.at, change, number)
         known = lab.journal.answers.get(experiment.digest())
-        if known is not None and fate_of(known, failure, since=row.at) == wanted:
+        if known is not None and fate_of(known, failure, since=row.at) == experiments:
             return experiment
     return None
 
@@ -274,10 +274,10 @@ def separating(rows: Sequence[LayerRow]) -> tuple[str, ...]:
     Args:
         rows: the stack as it is, first, then one or more of each layer.
     """
-    asked = [row for row in rows if meets(row)]
+    queried = [row for row in rows if meets(row)]
     found = []
-    for row in asked:
-        others = [other for other in asked if other.layer != row.layer]
+    for row in queried:
+        others = [other for other in queried if other.layer != row.layer]
         high = vote_of(row).bounds[1]
         avoid = (r for r in rows if r.layer != row.layer and not meets(r) and not r.failed)
         if row.failed and any(avoid):

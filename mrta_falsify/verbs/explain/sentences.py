@@ -17,50 +17,52 @@ from mrta_falsify.core.words import listed
 
 def needs_sentences(found: Explanation) -> tuple[str, ...]:
     """Say without what a failure is gone, and whether it depends on the schedule."""
-    told = [*_absence_sentences(found.absences), *_schedule_sentences(found.schedules)]
+    sentences = [*_absence_sentences(found.absences), *_schedule_sentences(found.schedules)]
     is_gone = any(run.fate == "gone" for run in (*found.absences, *found.schedules))
     if is_gone and found.jittered.is_knife_edge:
-        told.append(
+        sentences.append(
             "Most copies with small differences pass, so any change may remove the failure: these "
             "say little."
         )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def _absence_sentences(runs: Sequence[ChangedRun]) -> list[str]:
-    told = []
+    sentences = []
     gone = [run for run in runs if run.fate == "gone" and not _has_cure_within(run, runs)]
     if gone:
-        told.append(f"The failure is gone {_without(gone)}.")
+        sentences.append(f"The failure is gone {_without(gone)}.")
     stays = _of(runs, "stays")
     if stays:
-        told.append(f"The failure stays {_without(stays)}.")
-    told += [
+        sentences.append(f"The failure stays {_without(stays)}.")
+    sentences += [
         f"Without {run.change} the specification is {run.detail}." for run in _of(runs, "otherwise")
     ]
-    told += [f"No answer without {run.change}: {run.detail}." for run in _of(runs, "unknown")]
+    sentences += [f"No answer without {run.change}: {run.detail}." for run in _of(runs, "unknown")]
     untried = _of(runs, "untried")
     if untried:
-        told.append(f"Not tried {_without(untried)}: the runs were used up (--max-runs).")
-    return told
+        sentences.append(f"Not tried {_without(untried)}: the runs were used up (--max-runs).")
+    return sentences
 
 
 def _schedule_sentences(runs: Sequence[ChangedRun]) -> list[str]:
     stays, gone = _of(runs, "stays"), [r for r in runs if r.fate in ("gone", "otherwise")]
-    told = []
+    sentences = []
     if gone:
         other = [
             f"{run.change} ({run.detail})" if run.fate == "otherwise" else run.change
             for run in gone
         ]
         kept = f"; it stays with {_list(stays)}" if stays else ""
-        told.append(
+        sentences.append(
             f"The failure depends on the schedule: it is not there with {listed(other)}{kept}."
         )
     elif stays:
-        told.append(f"The failure does not depend on the schedule: it stays with {_list(stays)}.")
-    told += [f"No answer with {run.change}: {run.detail}." for run in _of(runs, "unknown")]
-    return told
+        sentences.append(
+            f"The failure does not depend on the schedule: it stays with {_list(stays)}."
+        )
+    sentences += [f"No answer with {run.change}: {run.detail}." for run in _of(runs, "unknown")]
+    return sentences
 
 
 def _of(runs: Sequence[ChangedRun], fate: Fate) -> list[ChangedRun]:
@@ -97,23 +99,23 @@ def decided_sentences(found: Inevitability | None, layer: str) -> tuple[str, ...
     """
     if found is None:
         return ()
-    told = []
+    sentences = []
     if found.decided_at is not None:
         stack, *others = found.curves
         first = decisive(found.curves)
-        told = [
+        sentences = [
             _decided(found, layer),
             _turn_sentence(stack, stack.change[0].upper() + stack.change[1:]),
         ]
-        told += [_turn_sentence(first, f"With {first.change}")] if first else []
-        told += [
+        sentences += [_turn_sentence(first, f"With {first.change}")] if first else []
+        sentences += [
             f"Until {curve.open_until:.1f} s it would have been averted, too: {curve.change}."
             for curve in others
             if curve is not first and moves_the_turn(curve, stack)
         ]
     if found.left_out:
-        told.append(f"Not rewound: {found.left_out}.")
-    return tuple(told)
+        sentences.append(f"Not rewound: {found.left_out}.")
+    return tuple(sentences)
 
 
 def _decided(found: Inevitability, layer: str) -> str:

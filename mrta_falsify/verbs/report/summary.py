@@ -59,7 +59,7 @@ def _stack_sentences(stack: StackConfig) -> list[str]:
     """Say which faults are planted in the stack under test, and what else is not as shipped."""
     if stack.stack is not None:
         return []
-    told = [
+    parts = [
         f"A fault is planted in the stack under test: {planted.what} ({name}, "
         f"{planted.layer.replace('_', ' ')})."
         for name, planted in ((name, defect(name)) for name in stack.defects)
@@ -70,16 +70,16 @@ def _stack_sentences(stack: StackConfig) -> list[str]:
         for layer in STACK_LAYERS
         if getattr(stack, layer) != getattr(shipped, layer)
     ]
-    return told + ([f"The stack under test is not as shipped: {listed(other)}."] if other else [])
+    return parts + ([f"The stack under test is not as shipped: {listed(other)}."] if other else [])
 
 
 def _options_text(stack: StackConfig, layer: str) -> str:
     options = getattr(stack, layer).options
-    told = ", ".join(
+    parts = ", ".join(
         f"{name} {str(value).lower() if isinstance(value, bool) else value}"
         for name, value in options.items()
     )
-    return f" with {told}" if told else ""
+    return f" with {parts}" if parts else ""
 
 
 def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> list[str]:
@@ -88,8 +88,8 @@ def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> lis
     reported = [record for record in judged if record.is_reported]
     counts = failures_by_kind(reported)
     last = sum(record.is_afterthought for record in reported)
-    told = [_share("ended in a deadlock", counts["deadlock"], len(judged))]
-    told += [
+    parts = [_share("ended in a deadlock", counts["deadlock"], len(judged))]
+    parts += [
         _share(what, counts[kind], len(judged))
         for kind, what in (
             ("stuck", "ended with robots stuck"),
@@ -100,9 +100,9 @@ def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> lis
     ]
     if last:
         missed = " or ".join(name.replace("_", " ") for name in campaign.settings.trials.then)
-        told.append(_share(f"failed only in {missed}", last, len(judged)))
+        parts.append(_share(f"failed only in {missed}", last, len(judged)))
     trials = "One trial" if len(judged) == 1 else f"{len(judged)} trials"
-    return [f"{trials} of {name} ({hours:.2f} h simulated): {'; '.join(told)}."]
+    return [f"{trials} of {name} ({hours:.2f} h simulated): {'; '.join(parts)}."]
 
 
 def _share(what: str, count: int, total: int) -> str:

@@ -111,7 +111,9 @@ class Awaited:
     ) -> None:
         self._settings, self._link, self._heard, self._look = settings, link, heard, look
         self._period = max(1, round(settings.command_every * NANO))
-        self._given_up = [NEVER] * len(heard.said_at)  # the command after which none came in time
+        self._given_up = [NEVER] * len(
+            heard.published_at
+        )  # the command after which none came in time
 
     def until_done(self) -> None:
         """See :class:`TickEnd`."""
@@ -121,14 +123,14 @@ class Awaited:
             self._look()
             self._link.wait(min(until, time.monotonic() + SLICE))
         for robot in missing:
-            self._given_up[robot] = self._heard.said_at[robot]
+            self._given_up[robot] = self._heard.published_at[robot]
 
     def _missing(self) -> list[int]:
         """List the active robots whose command is due."""
         return [
             robot
-            for robot, said in enumerate(self._heard.said_at)
-            if said != self._given_up[robot] and self._heard.now - said >= self._period
+            for robot, value in enumerate(self._heard.published_at)
+            if value != self._given_up[robot] and self._heard.now - value >= self._period
         ]
 
 
