@@ -43,7 +43,7 @@ class Margin(NamedTuple):
     variance: float
 
 
-NO_COPIES = Comparison(None, None)  #: of a run that is not judged by copies
+NO_COMPARISON = Comparison(None, None)  #: of a run that is not judged by copies
 
 
 def judged_by_vote(

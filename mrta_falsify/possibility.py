@@ -39,7 +39,7 @@ CELL_ERROR = 1.5 * CELL  # m that cells may take from the width of a passage, on
 WAY_ERROR = 0.9  # of a planned way's length is surely no longer than the shortest one
 NODES = 200_000  # of the prover's search, about 50 ms
 NEVER = 1e9  # s, for the prover, which counts in finite times
-MOST_TASKS = 40  # more are not proved together: the limit would be reached
+MAX_TASKS = 40  # more are not proved together: the limit would be reached
 FASTEST_WALK = 3.0  # m/s; somebody who wants to walk slower runs no faster
 
 
@@ -357,7 +357,7 @@ def _too_late(world: World, floor: StaticFloor) -> Iterator[str]:
                 f"it at {earliest:.1f} s at the earliest; it must by {task.deadline:.1f} s"
             )
     has_any = any(math.isfinite(task.deadline) for task in world.tasks)
-    if has_any and len(world.tasks) <= MOST_TASKS:
+    if has_any and len(world.tasks) <= MAX_TASKS:
         yield from _cannot_all(world, times)
 
 

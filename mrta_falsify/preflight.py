@@ -37,7 +37,7 @@ ABOUT = 5.0  # s; robots that come to a room within it come at about one time
 MISSED = 10.0  # s by which robots miss each other in their rooms: a ring counts exp(-1) as much
 MISSED_AT_MOST = 40.0  # s; a ring that is missed by more is none
 LONGEST_RING = 4  # robots
-MOST_LOOKS = 20_000  # at a visit that may be of a ring; fleets of hundreds in one stream need more
+MAX_LOOKS = 20_000  # at a visit that may be of a ring; fleets of hundreds in one stream need more
 NEAR = 1.2  # m between two that meet
 STEP = 0.2  # m between points of a way that are looked at
 ABREAST = 0.6  # m between furniture and the middle of a robot that passes it
@@ -316,7 +316,7 @@ def _ring(visits: Sequence[_Visit]) -> float:
         nonlocal best, looks
         for number in of_room.get(following[ring[-1]].stop.room, ()):
             looks += 1
-            if looks > MOST_LOOKS:
+            if looks > MAX_LOOKS:
                 return
             if number == ring[0] and len(ring) > 1:
                 best = max(best, _worth(len(ring), since - until))

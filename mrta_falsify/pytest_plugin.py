@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.verbs.campaign import CampaignResult
 
-MOST_JITTERED = 100  # as of the command `corpus`
+MAX_PERTURBED = 100  # as of the command `corpus`
 BUDGET = 20  # trials of a scenario unless its marker names a number
 CORPUS, SCENARIO = "mrta_corpus", "mrta_scenario"  # markers
 FIXTURE = "mrta_campaign"
@@ -100,8 +100,8 @@ def pytest_collection_modifyitems(
     for item in items:
         if item.get_closest_marker(SCENARIO) and isinstance(item, pytest.Function):
             item.fixturenames.append(FIXTURE)
-    if not 0 <= config.getoption("mrta_jittered") <= MOST_JITTERED:
-        raise pytest.UsageError(f"--mrta-perturbed must be from 0 to {MOST_JITTERED}")
+    if not 0 <= config.getoption("mrta_jittered") <= MAX_PERTURBED:
+        raise pytest.UsageError(f"--mrta-perturbed must be from 0 to {MAX_PERTURBED}")
     for directory in config.getoption("mrta_corpus"):
         items.extend(StoredFailures.from_parent(session, name=directory).collect())
 

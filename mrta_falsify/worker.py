@@ -18,7 +18,7 @@ import numpy as np
 
 from mrta_falsify.campaigns import time_limit
 from mrta_falsify.campaigns.runner import point_digest
-from mrta_falsify.campaigns.settings import CONFIRMING_COPIES, TrialSettings
+from mrta_falsify.campaigns.settings import CONFIRMING_RUNS, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
@@ -38,7 +38,7 @@ from mrta_falsify.core.record import (
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.perturbed_runs import NO_COPIES, Comparison, judged_by_vote, trial_score
+from mrta_falsify.perturbed_runs import NO_COMPARISON, Comparison, judged_by_vote, trial_score
 from mrta_falsify.possibility import look_at
 from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
@@ -184,7 +184,7 @@ class TrialRunner:
             with time_limit.with_its_own():
                 there = dataclasses.replace(config, engine=Choice(name))
                 run = self._judge(world, there, scene, keep_trace=False)
-                copies = settings.jittered or CONFIRMING_COPIES
+                copies = settings.jittered or CONFIRMING_RUNS
                 again = functools.partial(self._judge_perturbed, config=there, scene=scene)
                 comparison = judged_by_vote(world, run, copies, again)
             runs.append(engine_run(name, run, failed=run.is_primary, jittered=comparison.jittered))
@@ -192,7 +192,7 @@ class TrialRunner:
 
     def _vote(self, world: World, config: StackConfig, scene: Any, judged: Judged) -> Comparison:
         if not judged.is_primary:
-            return NO_COPIES
+            return NO_COMPARISON
         against = self._settings.against
         return judged_by_vote(
             world,
@@ -251,7 +251,7 @@ class TrialRunner:
         judged: Judged,
         engine: str,
         began: float,
-        comparison: Comparison = NO_COPIES,
+        comparison: Comparison = NO_COMPARISON,
     ) -> TrialRecord:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0

@@ -12,20 +12,20 @@ from mrta_falsify.core.words import number_text
 from reports.contents import ParameterImportance, TrialScores
 from reports.svg import Drawing, ticks
 
-MOST_BARS = 10  # parameters
+MAX_BARS = 10  # parameters
 NAMES, BARS, NUMBERS = 210.0, 430.0, 110.0  # px: names, bars, figures beside them
 ROW, FOOT = 24.0, 26.0  # px
 SLICE_WIDTH, SLICE_HEIGHT = 320.0, 130.0  # px of the points of one slice
 LEFT, TOP, RIGHT, STRIP = 40.0, 8.0, 14.0, 18.0  # px around them; the strip of shares below
-MOST_LETTERS = 32  # of a name
-MOST_OF_OPTION = 8  # letters of an option below the axis
+MAX_LETTERS = 32  # of a name
+MAX_OF_OPTION = 8  # letters of an option below the axis
 ROOM_FOR_SHARE = 28.0  # px
 CROSS = 3.0  # px, half of the mark of a failure
 
 
 def draw_importances(found: Sequence[ParameterImportance]) -> Markup:
     """Draw the share of variance that each parameter explains, with its interval."""
-    shown = found[:MOST_BARS]
+    shown = found[:MAX_BARS]
     drawing = Drawing(
         NAMES + BARS + NUMBERS,
         ROW * len(shown) + FOOT,
@@ -40,7 +40,7 @@ def draw_importances(found: Sequence[ParameterImportance]) -> Markup:
         share, low, high = (NAMES + BARS * v for v in (one.share, one.low, one.high))
         y = ROW * number + ROW / 2.0
         colour = "var(--bad)" if one.matters else "var(--soft)"
-        name = one.name if len(one.name) <= MOST_LETTERS else f"{one.name[: MOST_LETTERS - 1]}…"
+        name = one.name if len(one.name) <= MAX_LETTERS else f"{one.name[: MAX_LETTERS - 1]}…"
         drawing.add("text", name, x=NAMES - 8, y=y + 4, class_="label", text_anchor="end")
         drawing.add("rect", x=NAMES, y=y - 6, width=max(share - NAMES, 1.0), height=12.0,
                     fill=colour, opacity=0.55)  # fmt: skip
@@ -88,7 +88,7 @@ def draw_slice(one: ParameterImportance, trials: TrialScores) -> Markup | None:
             continue
         drawing.add(
             "text",
-            one.options[int(value)][:MOST_OF_OPTION] if one.options else number_text(value),
+            one.options[int(value)][:MAX_OF_OPTION] if one.options else number_text(value),
             x=across.x(value),
             y=base + 16,
             class_="tick",

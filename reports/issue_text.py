@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from reports.markdown import code, plain
 
-MOST_LINES = 60  # of the world inside the text
+MAX_LINES = 60  # of the world inside the text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ def render_issue(issue: IssueContents) -> str:
     """Render the text of an issue as Markdown.
 
     What looks like Markdown or HTML in names stays as it is. The world is inside if it has at most
-    :data:`MOST_LINES` lines.
+    :data:`MAX_LINES` lines.
     """
     first, *others = issue.happened
     lines = [f"# {plain(first)}", "", *(plain(text) for text in others[:1]), ""]
@@ -54,7 +54,7 @@ def _program(text: str) -> list[str]:
     count = len(text.splitlines())
     if not text:
         return []
-    if count > MOST_LINES:
+    if count > MAX_LINES:
         return [f"It has {count} lines as a Scenic program, too many for here.", ""]
     return _block("scenic", text)
 

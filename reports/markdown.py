@@ -11,8 +11,8 @@ from mrta_falsify.specs.books import confirmed
 from reports.contents import CaseContents, Mode, ReportContents, Table
 from reports.sentences import account_sentences, consequence_sentence, violation_sentence
 
-MOST_MODES = 100  # in full
-MOST_IDS = 20  # of a mode's trials
+MAX_MODES = 100  # in full
+MAX_IDS = 20  # of a mode's trials
 
 
 def render_markdown(report: ReportContents) -> str:
@@ -28,10 +28,10 @@ def render_markdown(report: ReportContents) -> str:
     lines += ["", *_paragraphs(map(plain, report.notes))]
     for table in report.tables:
         lines += _table(table)
-    for number, mode in enumerate(report.modes[:MOST_MODES], start=1):
+    for number, mode in enumerate(report.modes[:MAX_MODES], start=1):
         lines += _mode(number, mode)
-    if len(report.modes) > MOST_MODES:
-        lines += [f"{len(report.modes) - MOST_MODES} further modes are left out.", ""]
+    if len(report.modes) > MAX_MODES:
+        lines += [f"{len(report.modes) - MAX_MODES} further modes are left out.", ""]
     for error in report.errors:
         count = f"{len(error.ids)} trials" if len(error.ids) > 1 else f"trial {error.ids[0]}"
         lines.append(f"- error of the toolkit in {count}: {plain(error.reason)}")
@@ -39,7 +39,7 @@ def render_markdown(report: ReportContents) -> str:
 
 
 def _mode(number: int, mode: Mode) -> Iterator[str]:
-    shown = ", ".join(mode.ids[:MOST_IDS]) + (", ..." if len(mode.ids) > MOST_IDS else "")
+    shown = ", ".join(mode.ids[:MAX_IDS]) + (", ..." if len(mode.ids) > MAX_IDS else "")
     trials = f"{len(mode.ids)} trials: {shown}" if len(mode.ids) > 1 else f"Trial {shown}"
     yield from (f"## Mode {number}: {code(mode.signature)}", "", trials, "")
     if mode.cases:

@@ -23,11 +23,11 @@ from reports.sentences import (
     violation_sentence,
 )
 
-MOST_SLICES = 4  # parameters plotted one by one
-MOST_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
+MAX_SLICES = 4  # parameters plotted one by one
+MAX_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
 
 
-def write_page(report: ReportContents, path: Path, *, most_bytes: int = MOST_BYTES) -> None:
+def write_page(report: ReportContents, path: Path, *, most_bytes: int = MAX_BYTES) -> None:
     """Write the page.
 
     Args:
@@ -41,7 +41,7 @@ def write_page(report: ReportContents, path: Path, *, most_bytes: int = MOST_BYT
     write_atomically(path, render_page(report, most_bytes=most_bytes).encode())
 
 
-def render_page(report: ReportContents, *, most_bytes: int = MOST_BYTES) -> str:
+def render_page(report: ReportContents, *, most_bytes: int = MAX_BYTES) -> str:
     """Render the page as HTML text.
 
     Args:
@@ -111,7 +111,7 @@ def _draw_slices(report: ReportContents) -> list[tuple[str, Markup]]:
     """Draw slices of the most important parameters, each with its name."""
     if report.trials is None:
         return []
-    drawn = [(one.name, draw_slice(one, report.trials)) for one in report.importances[:MOST_SLICES]]
+    drawn = [(one.name, draw_slice(one, report.trials)) for one in report.importances[:MAX_SLICES]]
     return [(name, plot) for name, plot in drawn if plot is not None]
 
 

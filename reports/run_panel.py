@@ -18,8 +18,8 @@ from reports.floor_scene import Role
 from reports.run_view import RunView, kept_column
 from reports.sentences import robustness_text
 
-MOST_ROBOTS = 24  # rows of the fleet
-MOST_NAMES = 4  # of a verdict
+MAX_ROBOTS = 24  # rows of the fleet
+MAX_NAMES = 4  # of a verdict
 GREY = "#444444"
 
 OUTCOME_COLOURS = {"violated": UNSAFE, "holds": SAFE, "not_judged": GREY}
@@ -79,7 +79,7 @@ def _blame(verdict: Verdict) -> str:
     if not verdict.violated:
         return ""
     when = f"at {verdict.violated_at:.1f} s" if verdict.violated_at is not None else ""
-    names = list(verdict.who[:MOST_NAMES]) + ["..."] * (len(verdict.who) > MOST_NAMES)
+    names = list(verdict.who[:MAX_NAMES]) + ["..."] * (len(verdict.who) > MAX_NAMES)
     return "  ".join(part for part in (when, ", ".join(names)) if part)
 
 
@@ -90,7 +90,7 @@ def _write_fleet(axes: Axes, view: RunView, y: float) -> float:
     y -= 0.29
     phase, left = kept_column(view.trace, "phase"), kept_column(view.trace, "tasks_left")
     poses = kept_column(view.trace, "pose")
-    for number, robot in enumerate(view.world.robots[:MOST_ROBOTS]):
+    for number, robot in enumerate(view.world.robots[:MAX_ROBOTS]):
         axes.plot(0.025, y, marker="s", markersize=9, color=robot_colour(number), clip_on=False)
         _write(axes, 0.07, y, robot.name)
         if phase is not None and left is not None and poses is not None:

@@ -20,7 +20,7 @@ LEAST_WAIT = 2.0  # s; shorter stops are not marked
 LONG_WAIT = 10.0  # s; longer waits are labelled
 LARGEST_WAIT = 120.0  # s; rings of longer waits do not grow any more
 AT_REST = 0.02  # m/s
-MOST_STOPS = 8  # marks above one place
+MAX_STOPS = 8  # marks above one place
 STOP_STEP = 0.55  # m between them
 STOP_MARKERS = {"picked-up": "^", "dropped-off": "v"}
 SAME_PLACE = 1.5  # m; stops nearer than this share a row of markers
@@ -115,7 +115,7 @@ def runs_of(flags: ArrayLike) -> list[tuple[int, int]]:
 def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
     """Draw pick-ups and drop-offs in order, in a row above the place where they happened.
 
-    Of a place with more than ``MOST_STOPS`` the rest are only counted.
+    Of a place with more than ``MAX_STOPS`` the rest are only counted.
     """
     places: list[Array] = []
     counts: list[int] = []
@@ -130,7 +130,7 @@ def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
             counts.append(0)
             near = [len(places) - 1]
         counts[near[0]] += 1
-        if counts[near[0]] > MOST_STOPS:
+        if counts[near[0]] > MAX_STOPS:
             continue
         x, y = places[near[0]] + (STOP_STEP * (counts[near[0]] - 2), 1.15)
         axes.plot(
@@ -138,9 +138,9 @@ def _draw_stops(axes: Axes, trace: Trace, poses: Array) -> None:
             markeredgewidth=0.7, zorder=12,
         )  # fmt: skip
     for place, count in zip(places, counts, strict=True):
-        if count > MOST_STOPS:
-            beside = (place[0] + STOP_STEP * (MOST_STOPS - 0.5), place[1] + 1.15)
-            draw_label(axes, beside, f"+{count - MOST_STOPS}", size=7.0, colour=INK)
+        if count > MAX_STOPS:
+            beside = (place[0] + STOP_STEP * (MAX_STOPS - 0.5), place[1] + 1.15)
+            draw_label(axes, beside, f"+{count - MAX_STOPS}", size=7.0, colour=INK)
 
 
 def _tick_of(trace: Trace, event: StackEvent) -> int:

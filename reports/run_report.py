@@ -18,8 +18,8 @@ from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
 from reports.run_view import RunView
 from reports.sentences import beside_sentences, guess_text
 
-MOST_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many
-MOST_TASKS = 60  # rows of a task table that is shown unasked
+MAX_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many
+MAX_TASKS = 60  # rows of a task table that is shown unasked
 IMAGE_KINDS = {".png": "image/png", ".gif": "image/gif"}
 
 
@@ -121,7 +121,7 @@ def task_table(world: World, trace: Trace) -> Table:
             )
         )
     columns = ("task", "from", "to", "known at", "robot", "picked up", "delivered", "due", "state")
-    many = len(rows) > MOST_TASKS
+    many = len(rows) > MAX_TASKS
     title = f"Tasks ({len(rows)})" if many else "Tasks"
     return Table(title=title, columns=columns, rows=tuple(rows), folded=many)
 
@@ -135,8 +135,8 @@ def event_table(trace: Trace, around: float = 0.0) -> Table:
     """
     events, count = trace.events, len(trace.events)
     middle = bisect.bisect_left(events, around, key=lambda event: event.time)
-    begin = max(0, min(middle - MOST_EVENTS // 2, count - MOST_EVENTS))
-    shown = events[begin : begin + MOST_EVENTS]
+    begin = max(0, min(middle - MAX_EVENTS // 2, count - MAX_EVENTS))
+    shown = events[begin : begin + MAX_EVENTS]
     title = f"Events ({count})"
     if len(shown) < count:
         title = f"Events ({shown[0].time:.0f} to {shown[-1].time:.0f} s, {len(shown)} of {count})"

@@ -27,9 +27,9 @@ from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
 APART = 2.0  # m from their mean; members farther apart have no place in common
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
-MOST_NAMES = 4  # robots, people or tasks of a verdict that a table names
+MAX_NAMES = 4  # robots, people or tasks of a verdict that a table names
 SHOWN_FROM = 0.1  # s of blocked time below which a cause is not worth a word
-MOST_EVIDENCE = 4000  # characters of the evidence of one verdict
+MAX_EVIDENCE = 4000  # characters of the evidence of one verdict
 #: what a blocked-by cause means, said of the robot that is blocked; {other} and {resource}
 CAUSES = {
     "queue": "waits for {resource}: {other} holds it or is ahead in the queue",
@@ -212,7 +212,7 @@ def who_text(verdict: Verdict) -> str:
     """Name who is concerned: members, the root first, and in brackets whom they hold up."""
     account = wait_account(verdict)
     names = account.members or verdict.who
-    shown = [*names[:MOST_NAMES], *(["..."] if len(names) > MOST_NAMES else [])]
+    shown = [*names[:MAX_NAMES], *(["..."] if len(names) > MAX_NAMES else [])]
     held_up = f" ({', '.join(account.victims)})" if account.victims else ""
     return ", ".join(shown) + held_up
 
@@ -330,7 +330,7 @@ def _are_apart(account: WaitAccount) -> bool:
 
 def _places_sentence(account: WaitAccount) -> str:
     """Say where each member stood when the failure was found."""
-    rows = account.places[:MOST_NAMES]
+    rows = account.places[:MAX_NAMES]
     beyond = len(account.places) - len(rows)
     more = [f"{beyond} more were elsewhere"] if beyond else []
     were = [f"{row.robot} was{_place(row._asdict())}" for row in rows]
@@ -356,7 +356,7 @@ def robustness_text(value: float) -> str:
 def evidence_text(evidence: dict[str, Any]) -> str:
     """Write the evidence of a verdict as indented JSON, cut off where it is long."""
     text = json.dumps(codec.encode(evidence), indent=1, sort_keys=True)
-    return text if len(text) <= MOST_EVIDENCE else text[:MOST_EVIDENCE] + "\n..."
+    return text if len(text) <= MAX_EVIDENCE else text[:MAX_EVIDENCE] + "\n..."
 
 
 def guess_text(found: Guess, verdict: Verdict, trace: Trace) -> str:
@@ -370,7 +370,7 @@ def guess_text(found: Guess, verdict: Verdict, trace: Trace) -> str:
     if not found.robots:
         return f"A guess by rules from the trace: {found.rule}."
     names = list(found.robots)
-    who = listed(names) if len(names) <= MOST_NAMES else f"the {len(names)} robots"
+    who = listed(names) if len(names) <= MAX_NAMES else f"the {len(names)} robots"
     until = trace.duration if verdict.violated_at is None else verdict.violated_at
     return f"A guess by rules from the trace: {blocked_text(who, until, found.spent)}."
 

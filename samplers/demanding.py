@@ -20,11 +20,11 @@ from samplers.preflights import LEAST_SPREAD, Preflights, standardised
 
 USUAL = 48  # scenes drawn evenly that say what is heavy
 HEAVY = 0.9  # share of them that ask for less of what is heavy
-BESIDES = 0.03  # chance of each other demand to be driven up, too
-ANEW = 0.5  # chance that what was run has no children
+EXTRA_LOAD_PROB = 0.03  # chance of each other demand to be driven up, too
+NO_PARENT_PROB = 0.5  # chance that what was run has no children
 WEIGHED = 0.75  # share of the proposals that are chosen, where somebody weighs scenes
 CHOICE = 4  # scenes that one is chosen from
-WISE = 10  # results without which nobody can weigh a scene
+MIN_RESULTS_FOR_MODEL = 10  # results without which nobody can weigh a scene
 
 
 class DemandingSampler:
@@ -91,7 +91,7 @@ class DemandingSampler:
                 self._mutator,
                 random=random,
                 looks=self._options.looked_at - first,
-                others=() if random.random() < ANEW else run,
+                others=() if random.random() < NO_PARENT_PROB else run,
             )
             for weights in self._weights(random, heavy, varies)
         ]
@@ -112,14 +112,14 @@ class DemandingSampler:
         """
         least = int(np.argmin(np.where(varies, heavy + random.random(len(heavy)), np.inf)))
         others = np.setdiff1d(np.flatnonzero(varies), least)
-        is_wise = self._weigh is not None and len(self._told) >= WISE
+        has_model = self._weigh is not None and len(self._told) >= MIN_RESULTS_FOR_MODEL
         driven_up = [least]
-        if is_wise and len(others) and random.random() < WEIGHED:
+        if has_model and len(others) and random.random() < WEIGHED:
             chances = 1.0 / (1.0 + heavy[others])
             count = min(CHOICE - 1, len(others))
             driven_up += list(random.choice(others, count, False, chances / chances.sum()))
         for demand in driven_up:
-            weights = random.random(len(heavy)) * (random.random(len(heavy)) < BESIDES)
+            weights = random.random(len(heavy)) * (random.random(len(heavy)) < EXTRA_LOAD_PROB)
             weights[demand] = 1.0
             yield weights
 

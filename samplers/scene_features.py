@@ -18,7 +18,7 @@ from samplers.asking import levels_at
 ABOUT = 0.15  # distance in a coordinate of what is about one value
 USUAL, USUAL_GAIN = 0.26, 3.0  # mean of how alike two are, and one over its spread
 GATHERED_GAIN = 5.0  # one over the spread of the share of a family that is about one value
-MOST_KINDS = 4  # kinds of object of which one alone may explain a margin
+MAX_KINDS = 4  # kinds of object of which one alone may explain a margin
 DEMAND = "demand"  # kind of the coordinates that preflights add
 
 
@@ -77,7 +77,7 @@ class Features:
         names = [_kind_name(cube, i) for i in range(cube.dimensions)]
         if len(set(names)) < 2:
             return []
-        counts = Counts(name for name in names if name != DEMAND).most_common(MOST_KINDS)
+        counts = Counts(name for name in names if name != DEMAND).most_common(MAX_KINDS)
         kinds = [name for name, _ in counts] + [DEMAND] * (DEMAND in names)
         blocks = cube.blocks()
         columns = [names[i] for block in blocks for i in block for _ in range(cube.level(i) or 1)]

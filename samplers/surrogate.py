@@ -33,10 +33,10 @@ from samplers.scene_features import Features, Points, as_coordinates
 PARENTS = 8  # best scenes that have children
 REFIT = 10  # weights are chosen anew when a tenth more results are known
 BESIDE = 0.1  # distance in the cube within which a known failure repels
-TIRED = 10  # results without success after which something is tried half as often
+HALVED_AFTER = 10  # results without success after which something is tried half as often
 PREFLIGHTED = 16  # candidates that are looked at for one proposal
 CLIMBING = 32  # children of these that are looked at after them
-BOLD = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
+OPTIMISM = 1.0  # standard deviations that are hoped for beyond the mean where a load is driven up
 
 
 class SurrogateSampler:
@@ -129,7 +129,7 @@ class SurrogateSampler:
 
     def _share_of_loads(self) -> float:
         """Say how often a load is driven up: more often, if margins lead to knife edges only."""
-        margins = (1.0 - self._options.loads) * TIRED / (TIRED + self._edges)
+        margins = (1.0 - self._options.loads) * HALVED_AFTER / (HALVED_AFTER + self._edges)
         return 1.0 - margins if self._options.loads else 0.0
 
     def _load(self, random: np.random.Generator) -> Margin | None:
@@ -137,7 +137,9 @@ class SurrogateSampler:
         varying = loads_of(self.results())
         if not varying:
             return None
-        weight = np.array([1.0 / (TIRED + self._since_heaviest[load.name]) for load in varying])
+        weight = np.array(
+            [1.0 / (HALVED_AFTER + self._since_heaviest[load.name]) for load in varying]
+        )
         return varying[int(random.choice(len(varying), p=weight / weight.sum()))]
 
     def skip(self) -> None:
@@ -241,7 +243,7 @@ class SurrogateSampler:
         outlook = self._outlook(self.results(), candidates, looked_at=looked_at)
         model = self._models.get(load.name, DEFAULT)
         mean, deviation = outlook.predict(model, [load], robust=self._options.robust)
-        return mean[:, 0] + BOLD * deviation
+        return mean[:, 0] + OPTIMISM * deviation
 
     def _promise(self, candidates: Array, *, looked_at: bool = True) -> Array:
         """Estimate the logarithm of the chance of a new violation, ``(n,)``."""

@@ -31,7 +31,7 @@ from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 CLOCKS = ("time", "monotonic", "perf_counter")
 LATER = 12_345.678  # s by which the clocks of a copy are wrong
 JUNK = 1000  # objects that a copy makes before, so that new ones lie elsewhere
-MOST_TEXT = 200  # characters of a value that are kept
+MAX_TEXT = 200  # characters of a value that are kept
 
 
 class Answered(NamedTuple):
@@ -94,7 +94,7 @@ def _ask_twice(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answere
             memories.insert(0, copy.deepcopy(state))
         answers = [answered(stack.step(memory, fleet)) for memory in memories]
     except BaseException as error:
-        return f"{type(error).__name__}: {error}"[:MOST_TEXT]
+        return f"{type(error).__name__}: {error}"[:MAX_TEXT]
     finally:
         here.leave()
     del junk
@@ -165,4 +165,4 @@ def _same(one: Any, other: Any) -> bool:
 
 def _text(value: Any) -> str:
     text = str(value.tolist()) if isinstance(value, np.ndarray | np.generic) else str(value)
-    return text[:MOST_TEXT]
+    return text[:MAX_TEXT]

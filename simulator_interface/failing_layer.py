@@ -32,7 +32,7 @@ SHIPPED = {
     "simulator_interface/inflation.py": "costmap",
 }
 ROOT = Path(__file__).resolve().parents[1]
-MOST_FRAMES = 8  # of a traceback that evidence keeps, the innermost ones
+MAX_FRAMES = 8  # of a traceback that evidence keeps, the innermost ones
 #: a line of what faulthandler writes of a thread
 DUMPED = re.compile(r'^  File "(?P<file>.*)", line (?P<line>\d+|\?\?\?) in (?P<function>.*)$', re.M)
 
@@ -96,7 +96,7 @@ def dumped_places(text: str, below: str) -> list[Place]:
 
 def texts_of(places: Sequence[Place]) -> tuple[str, ...]:
     """Write the innermost frames, innermost last."""
-    return tuple(map(str, places[-MOST_FRAMES:]))
+    return tuple(map(str, places[-MAX_FRAMES:]))
 
 
 def shared_places(one: Sequence[Place], other: Sequence[Place]) -> list[Place]:

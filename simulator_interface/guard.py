@@ -23,7 +23,7 @@ from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
 
 T = TypeVar("T")
 
-MOST_RUNS = 6  # of one episode: a stack that fails at another tick each time
+MAX_RUNS = 6  # of one episode: a stack that fails at another tick each time
 
 
 class Guard:
@@ -65,7 +65,7 @@ class Guard:
         self._limits = limits
         seen: list[CopyFailed] = []
         ending: StackFailure | None = None
-        while len(seen) < MOST_RUNS:
+        while len(seen) < MAX_RUNS:
             try:
                 answer: T = self._ask(Request(call, ending, True), limits, on_time)
             except CopyFailed as failed:

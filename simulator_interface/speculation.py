@@ -24,7 +24,7 @@ from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 REUSED_FOR = 30.0  # s for which a checkpoint serves later questions, too
-MOST_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
+MAX_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
 SAME_TIME = 1e-9  # s
 UNKNOWN = object()  #: a copy has to be asked
 
@@ -140,7 +140,7 @@ class Speculation:
         if self._points and (tick - self._points[-1].tick) * self._episode.dt <= REUSED_FOR:
             return self._points[-1]
         self._keep_points([question.point for question in self._open])
-        if len(self._points) >= MOST_POINTS:
+        if len(self._points) >= MAX_POINTS:
             return self._points[-1]
         made = set_checkpoint()
         if isinstance(made, Checkpoint):

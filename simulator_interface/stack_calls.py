@@ -33,7 +33,7 @@ from simulator_interface.heartbeat import post
 T = TypeVar("T")
 
 ADDRESS = re.compile(r"0x[0-9a-fA-F]{6,}")  # of an object, which differs from run to run
-MOST_TEXT = 500  # characters of an exception's message that are kept
+MAX_TEXT = 500  # characters of an exception's message that are kept
 
 #: what a stack answers to a tick
 Answer = tuple[Any, Command, Intent, tuple[StackEvent, ...]]
@@ -160,7 +160,7 @@ class StackCalls:
         places = places_in(error.__traceback__)
         return self._failure(
             "crash",
-            ADDRESS.sub("0x...", str(error))[:MOST_TEXT],
+            ADDRESS.sub("0x...", str(error))[:MAX_TEXT],
             layer=layer_of_places(places, self._config),
             exception=type(error).__name__,
             frames=texts_of(places),

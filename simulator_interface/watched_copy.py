@@ -46,7 +46,7 @@ from simulator_interface.heartbeat import (
 LOOK_EVERY = 0.05  # s between two looks at a copy; a tick limit is kept to about twice this
 DUMP_WITHIN = 1.0  # s that a copy has to write where it hangs
 SHOW_PLACE = signal.SIGUSR2  # makes a copy write its traceback
-MOST_DUMPED = 1 << 16  # bytes of it
+MAX_DUMPED = 1 << 16  # bytes of it
 
 
 class CopyFailed(Exception):  # noqa: N818 - says what became of the copy
@@ -205,7 +205,7 @@ class WatchedCopy:
         return CopyFailed(kind, pulse, "", message, places)
 
     def _dumped(self) -> list[Place]:
-        text = os.pread(self._dump, MOST_DUMPED, 0).decode(errors="replace")
+        text = os.pread(self._dump, MAX_DUMPED, 0).decode(errors="replace")
         return dumped_places(text, stack_calls.__file__)
 
     # --- in the copy -------------------------------------------------------------------------

@@ -32,7 +32,7 @@ ONE_IMPLEMENTATION = ("costmap",)  # layers that no row can exchange
 HOPELESS = 4.0  # s after its arrival that a task is due, where nobody can be in time
 SHUTS_AT, LASTS = 3.0, 1e4  # s, of a blockage around a room's stop
 SHUT_SIZE = 3.0  # m, side of it
-MOST_SEEDS = 400  # worlds of a family that are looked at
+MAX_SEEDS = 400  # worlds of a family that are looked at
 #: of the kind that has none, how many of each
 SHARES = {"hopeless": 10, "shut": 10, "two": 10}
 
@@ -123,7 +123,7 @@ def draw(seed: int, each: int) -> Iterator[Case]:
             if kind == "hidden" and layer in ONE_IMPLEMENTATION:
                 continue
             found = 0
-            for number in random.permutation(MOST_SEEDS)[: 10 * each]:
+            for number in random.permutation(MAX_SEEDS)[: 10 * each]:
                 case = _case(kind, defect, int(number), (defect,), layer)
                 sound = _case("sound", defect, int(number), (), "")
                 if found < each and fails(case) and not fails(sound):
@@ -134,16 +134,16 @@ def draw(seed: int, each: int) -> Iterator[Case]:
         found = 0
         while found < SHARES[kind]:
             family = families[int(random.integers(len(families)))]
-            case = _case(kind, family, int(random.integers(MOST_SEEDS)), (), "")
+            case = _case(kind, family, int(random.integers(MAX_SEEDS)), (), "")
             if fails(case):
                 found += 1
                 yield case
     found, tried = 0, 0
-    while found < SHARES["two"] and tried < MOST_SEEDS:
+    while found < SHARES["two"] and tried < MAX_SEEDS:
         tried += 1
         family = families[int(random.integers(len(families)))]
         other = families[int(random.integers(len(families)))]
-        number = int(random.integers(MOST_SEEDS))
+        number = int(random.integers(MAX_SEEDS))
         if planted(family).layer == planted(other).layer:
             continue
         case = _case("two", family, number, tuple(sorted((family, other))), "")

@@ -48,7 +48,7 @@ from scenic_worlds.variation import perturbed_worlds
 from simulator_interface.starts import check_starts
 
 STUDY = "minimising"
-MOST_THINGS = 12  # of a world whose pairs are all tried
+MAX_THINGS = 12  # of a world whose pairs are all tried
 THINGS = ("robots", "tasks", "humans", "furniture", "events")
 
 
@@ -132,7 +132,7 @@ def pairs_that_can_go(job: Job, wanted: str) -> Iterator[str]:
         wanted: mechanism of the failure.
     """
     things = [(group, n) for group in THINGS for n in range(len(getattr(job.world, group)))]
-    if len(things) > MOST_THINGS:
+    if len(things) > MAX_THINGS:
         return
     for one, other in itertools.combinations(things, 2):
         try:

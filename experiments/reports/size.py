@@ -160,7 +160,7 @@ def main() -> None:
     sizes = (("20 cases", 20, 10, 1, 20), ("100 cases", 100, 10, 1, 100))
     for name, trials, failed, modes, cases in (
         *sizes,
-        (f"{arguments.trials} trials", arguments.trials, 3, MODES, reporting.MOST_CASES),
+        (f"{arguments.trials} trials", arguments.trials, 3, MODES, reporting.MAX_CASES),
     ):
         directory = folder / name.replace(" ", "-")
         campaign = multiply(source, directory, trials, failed_in_ten=failed, modes=modes)

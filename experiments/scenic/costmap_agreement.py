@@ -43,7 +43,7 @@ from simulator_interface.engines.bullet import RAY_HEIGHT, BulletEngine
 
 ASIDE = 0.0031  # m, lines run beside the centres: a ray along an edge may slip past both faces
 BEYOND = 1e-5  # m, behind a hit a ray goes on from here
-MOST_FACES = 400  # on one line
+MAX_FACES = 400  # on one line
 BATCH = 8000  # rays in one query
 
 
@@ -129,7 +129,7 @@ def _hits(client: int, lines: Array, low: float, high: float, *, axis: int) -> t
     numbers = np.arange(len(lines))
     start = np.full(len(lines), low)
     found_lines, found_places = [], []
-    for _ in range(MOST_FACES):
+    for _ in range(MAX_FACES):
         if not len(numbers):
             return np.concatenate(found_lines), np.concatenate(found_places)
         begin = np.full((len(numbers), 3), RAY_HEIGHT)
@@ -149,7 +149,7 @@ def _hits(client: int, lines: Array, low: float, high: float, *, axis: int) -> t
         found_lines.append(numbers)
         found_places.append(places)
         start = places + BEYOND
-    raise AssertionError(f"more than {MOST_FACES} faces on one line")
+    raise AssertionError(f"more than {MAX_FACES} faces on one line")
 
 
 # --- comparison ----------------------------------------------------------------------------------

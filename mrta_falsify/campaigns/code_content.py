@@ -11,8 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-MOST_FILES = 2000  # of the folder of what would run, that a digest covers
-MOST_BYTES = 1 << 26  # of them together
+MAX_FILES = 2000  # of the folder of what would run, that a digest covers
+MAX_BYTES = 1 << 26  # of them together
 #: files that a campaign writes into its folder, which are no code
 WRITTEN = (".gif", ".html", ".json", ".jsonl", ".mcap", ".md", ".mp4", ".part", ".png", ".zip")
 CAMPAIGN_FILES = ("campaign.json", "lock")
@@ -24,7 +24,7 @@ def content_digest(paths: Sequence[Path]) -> str | None:
     What a campaign writes is left out. None if there is too much to read.
     """
     seen = hashlib.sha256(json.dumps([path.name for path in paths]).encode())
-    left = [MOST_FILES, MOST_BYTES]
+    left = [MAX_FILES, MAX_BYTES]
     for root in dict.fromkeys(map(_root_of, paths)):
         if not _add_tree(seen, root, left):
             return None

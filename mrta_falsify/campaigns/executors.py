@@ -34,8 +34,8 @@ Job = dict[str, Any]
 #: runs one job; raises only if the toolkit itself fails
 Trial = Callable[[Job], dict[str, Any]]
 
-MOST_DEATHS = 3  # in the same way, one after the other, of workers that are not ready
-MOST_STARTS = 12  # of one worker, in whatever way it dies before it is ready
+MAX_DEATHS = 3  # in the same way, one after the other, of workers that are not ready
+MAX_STARTS = 12  # of one worker, in whatever way it dies before it is ready
 LAST_WORDS = 4096  # bytes of what a worker said before it died
 STDERR = 2  # file descriptor
 START_LIMIT = 300.0  # s for a worker to import and compile, of its own work and sleep
@@ -316,7 +316,7 @@ class ProcessExecutor:
         deaths = () if worker.ready else (*worker.deaths, how)
         words = worker.words().decode(errors="replace")
         self._drop(worker)
-        if deaths[-MOST_DEATHS:] == (how,) * MOST_DEATHS or len(deaths) == MOST_STARTS:
+        if deaths[-MAX_DEATHS:] == (how,) * MAX_DEATHS or len(deaths) == MAX_STARTS:
             raise _never_ready(deaths, words)
         self._start(deaths)
         if job is None:

@@ -15,7 +15,7 @@ from mrta_falsify.core.garbage import collect_seldom
 from mrta_falsify.core.interruption import signals_held
 from mrta_falsify.core.modules import forget_safe_path, safe_path
 
-MOST_DEATHS = 3  # of processes of a pool, one after the other, without a result
+MAX_DEATHS = 3  # of processes of a pool, one after the other, without a result
 
 
 class _Pool(ProcessPoolExecutor):

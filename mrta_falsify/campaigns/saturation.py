@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from mrta_falsify.core.record import TrialRecord
 
 NORMAL_95 = 1.96  # quantile of a two-sided interval of 95 %
-TOLD_APART = 3  # trials that show a situation; more are as good as three
+ENOUGH_TRIALS = 3  # trials that show a situation; more are as good as three
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class Saturation:
         """Take in a uniform trial."""
         for name in set(situations):
             shown_by = self._shown_by.setdefault(name, [])
-            if len(shown_by) < TOLD_APART:
+            if len(shown_by) < ENOUGH_TRIALS:
                 shown_by.append(self._trials)
         self._trials += 1
 

@@ -19,10 +19,10 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 
 FORMAT_VERSION = 2
-MOST_TRIALS = 10_000_000  # of a campaign that the clock ends
-CONFIRMING_COPIES = 4  # of a failure on another engine, where the campaign asks for none
-MOST_COPIES = 100  # copies of one failing world
-AGAINST_COPIES = 4  # copies by which two stacks are compared unless told otherwise
+MAX_TRIALS = 10_000_000  # of a campaign that the clock ends
+CONFIRMING_RUNS = 4  # of a failure on another engine, where the campaign asks for none
+MAX_PERTURBED_RUNS = 100  # copies of one failing world
+COMPARISON_RUNS = 4  # copies by which two stacks are compared unless told otherwise
 #: runs again of one failure. Four of four say that it comes again in at least 47 % of runs (Blaker,
 #: 95 %), and a failure of half of the runs is taken for one of all in 1 of 16 cases only.
 VERIFY = 4
@@ -55,16 +55,16 @@ class TrialSettings:
     )
     jittered: int = quantity(
         low=0,
-        high=MOST_COPIES,
+        high=MAX_PERTURBED_RUNS,
         default=0,
         text="Runs of each failing world with small differences, at most; then the search goes "
         "for failures that most of them share, and only these count for --stop-after. "
-        f"{AGAINST_COPIES} with --against.",
+        f"{COMPARISON_RUNS} with --against.",
     )
     confirm: tuple[str, ...] = later(())  #: engines that robust failures are run on as well
     verify: int = quantity(
         low=0,
-        high=MOST_COPIES,
+        high=MAX_PERTURBED_RUNS,
         default=VERIFY,
         came_later=True,
         text="Runs of each failure again, nothing changed, where the stack is a process of its "

@@ -29,7 +29,7 @@ from mrta_falsify.specs.deadlock.place_kind import place_kind
 from mrta_falsify.specs.holds import main_kinds
 
 #: evidence that tells modes of one specification apart
-TOLD_APART = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
+DISTINGUISHED_BY = {"stack_runs": ("kind", "layer", "exception"), "repeatable": ("field",)}
 #: whether a robot ahead stands in the way or merely goes first may hang on a centimetre
 SAME_IN_A_CYCLE = {"cluster": "barrier"}
 
@@ -111,7 +111,7 @@ def _as_before(verdict: Verdict) -> Verdict:
 def _of_other(verdict: Verdict, holders: str) -> str:
     """Sign a violation of any specification but ``no_deadlock``."""
     told = [first_claim(verdict.evidence)]
-    told += [str(verdict.evidence.get(key, "")) for key in TOLD_APART.get(verdict.spec, ())]
+    told += [str(verdict.evidence.get(key, "")) for key in DISTINGUISHED_BY.get(verdict.spec, ())]
     return _joined(verdict.spec, *told, holders)
 
 

@@ -58,7 +58,7 @@ SETTINGS, RECORDS = made_here.SETTINGS, "records.jsonl"
 LOCK, TRIALS = "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
 OTHER = "other"  # folder of the other stack's run, in that of its trial
-MOST_DIGITS = 18  # of a trial's id
+MAX_DIGITS = 18  # of a trial's id
 INTERRUPTED = "interrupted"  # why a run ended that older versions stored: it is no answer
 
 
@@ -81,7 +81,7 @@ class Campaign:
             StoreError: no such trial.
         """
         name = str(name)
-        is_number = name.isascii() and name.isdigit() and len(name) <= MOST_DIGITS
+        is_number = name.isascii() and name.isdigit() and len(name) <= MAX_DIGITS
         wanted = int(name) if is_number else -1
         for record in self.records:
             if record.number == wanted:

@@ -16,7 +16,7 @@ from mrta_falsify.core.words import clock_text, is_date, number_text
 if TYPE_CHECKING:
     from mrta_falsify.verbs.allocate import PlanSummary
 
-MOST_LINES = 200  # stops printed as text; json prints all
+MAX_LINES = 200  # stops printed as text; json prints all
 
 
 @main.command("allocate")
@@ -93,14 +93,14 @@ def _print_plan(plan: PlanSummary, *, tasks: int, has_dates: bool) -> None:
     out.print(f"tasks      {tasks}, {len(plan.late)} not in time")
     if plan.reason:
         out.print(f"why        {plan.reason}")
-    for robot in plan.robots if stops <= MOST_LINES else ():
+    for robot in plan.robots if stops <= MAX_LINES else ():
         parts = [
             f"{stop.action} {stop.batch}.{stop.task} in {stop.room} at "
             f"{_time(stop.time_s, has_dates)}"
             for stop in robot.stops
         ]
         out.print(f"robot {robot.robot:<4} {'; '.join(parts) or 'idle'}")
-    if stops > MOST_LINES:
+    if stops > MAX_LINES:
         out.print(f"{stops} stops; --format json prints them all")
 
 

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrta_falsify.campaigns.settings import MOST_TRIALS
+from mrta_falsify.campaigns.settings import MAX_TRIALS
 from mrta_falsify.cli import output
 from mrta_falsify.core.words import listed
 
@@ -64,7 +64,7 @@ class CampaignWatch:
         """Show how far the campaign is."""
         limits = counts.limits
         budget, spent = limits.budget, time.monotonic() - self._began
-        by_clock = budget == MOST_TRIALS
+        by_clock = budget == MAX_TRIALS
         if self._ran_before is None:
             self._ran_before = counts.ran - record.was_run
         if sys.stderr.isatty():

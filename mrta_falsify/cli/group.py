@@ -119,8 +119,8 @@ class CommandWithCodes(click.Command):
         """Write the epilog, then what exit codes 1 and 3 mean here."""
         super().format_epilog(ctx, formatter)
         listed = COMMANDS[str(self.name)]
-        described_as = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: listed.failed}
-        lines = [f"Exit code {code}: {text}." for code, text in described_as.items() if text]
+        own = {ExitCode.VIOLATED: listed.violated, ExitCode.HARNESS: listed.failed}
+        lines = [f"Exit code {code}: {text}." for code, text in own.items() if text]
         if lines:
             formatter.write_paragraph()
             formatter.write_text(" ".join(lines))
@@ -170,18 +170,18 @@ class LazyDoor(Door):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write what the exit codes mean."""
         formatter.write_paragraph()
-        described_as = ", ".join(f"{code} {text}" for code, text in MEANINGS.items())
-        formatter.write_text(f"Exit codes: {described_as}.")
+        codes = ", ".join(f"{code} {text}" for code, text in MEANINGS.items())
+        formatter.write_text(f"Exit codes: {codes}.")
 
 
 def described() -> dict[str, Any]:
     """Describe all commands and options as click does, each command with its exit codes."""
     context = click.Context(main, info_name=main.name)
-    described_as = main.to_info_dict(context)
-    for name, command in described_as["commands"].items():
+    info = main.to_info_dict(context)
+    for name, command in info["commands"].items():
         command["exit_codes"] = exit_codes(name)
     codes = {int(code): text for code, text in MEANINGS.items()}
-    return {"version": metadata.version("mrta-falsify"), "exit_codes": codes, **described_as}
+    return {"version": metadata.version("mrta-falsify"), "exit_codes": codes, **info}
 
 
 def _print_described(context: click.Context, _: click.Parameter, wanted: bool) -> None:

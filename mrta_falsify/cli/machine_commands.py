@@ -13,13 +13,13 @@ from mrta_falsify.cli.group import main
 from mrta_falsify.cli.names import component
 from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
 
-MOST_ROBOTS = 1000  # in a fleet
-MOST_WIDE = 22  # columns of the names of figures
+MAX_ROBOTS = 1000  # in a fleet
+MAX_WIDE = 22  # columns of the names of figures
 
 
 def _fleet_size(text: str) -> int:
     size = int(text)
-    if not 1 <= size <= MOST_ROBOTS:
+    if not 1 <= size <= MAX_ROBOTS:
         raise ValueError(text)
     return size
 
@@ -28,7 +28,7 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
     """Add ``--robots N,N,...``, sizes of fleets."""
     return click.option(
         "--robots",
-        type=Listing(_fleet_size, f"numbers from 1 to {MOST_ROBOTS}, as 2,4,6"),
+        type=Listing(_fleet_size, f"numbers from 1 to {MAX_ROBOTS}, as 2,4,6"),
         default=default,
         show_default=True,
         metavar="N,N,...",
@@ -94,7 +94,7 @@ def _print_figures(data: dict[str, Any], indent: str = "") -> None:
             click.echo(f"{indent}{name}")
             _print_figures(value, indent + "  ")
         else:
-            click.echo(f"{indent}{name:{MOST_WIDE}} {value}")
+            click.echo(f"{indent}{name:{MAX_WIDE}} {value}")
 
 
 @main.command("plugins")

@@ -23,7 +23,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 FILE = click.Path(path_type=Path)
 FORMATS = ("text", "json")
-MOST_WORKERS = 512
+MAX_WORKERS = 512
 STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
@@ -327,7 +327,7 @@ def workers_option(command: Command) -> Command:
     """Add ``--workers W``, processes at a time."""
     return click.option(
         "--workers",
-        type=WholeRange(1, MOST_WORKERS),
+        type=WholeRange(1, MAX_WORKERS),
         metavar="W",
         help="Processes; default: one per core. Changes no result.",
     )(command)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.candidate import Dimension
     from mrta_falsify.verbs.check import CheckSummary, ProgramCheck
 
-MOST_LETTERS = 60  # of the options of a choice
+MAX_LETTERS = 60  # of the options of a choice
 SHOWN_REJECTERS = 10
 
 SCENARIO_HELP = "SCENARIO is a Scenic program (.scenic) or the name of a shipped one."
@@ -264,7 +264,7 @@ def _values(dimension: Dimension) -> str:
     if dimension.kind == "choice" and dimension.choices:
         options = [str(dimension.told(number)) for number in range(len(dimension.options))]
         text = listed(options)
-        return text if options and len(text) <= MOST_LETTERS else f"{dimension.choices} options"
+        return text if options and len(text) <= MAX_LETTERS else f"{dimension.choices} options"
     if low is None and high is None:
         return "depends on others"
     parts = ["" if bound is None else number_text(bound) for bound in (low, high)]

@@ -63,9 +63,9 @@ def list_command(directory: Path, failed: bool, style: str) -> int:
 
 
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
-    with_copies = any(row.jittered for row in rows)
+    with_votes = any(row.jittered for row in rows)
     columns = ["id", "status", "score", "kind", "signature", "who", "layer", "simulated"]
-    columns += ["copies that fail"] if with_copies else []
+    columns += ["copies that fail"] if with_votes else []
     with_repeats = any(row.repeats for row in rows)
     columns += ["came again"] if with_repeats else []
     with_engines = any(row.other_engines for row in rows)
@@ -84,7 +84,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             row.layer,
             f"{row.sim_time_s:.1f} s",
         ]
-        if with_copies:
+        if with_votes:
             cells.append(f"{row.jittered_failures} of {row.jittered}" if row.jittered else "")
         if with_repeats:
             cells.append(f"{row.repeats_failed} of {row.repeats}" if row.repeats else "")

@@ -20,7 +20,7 @@ from collections.abc import Iterable
 
 from mrta_falsify.core.spelling import did_you_mean
 
-MOST_NAME = 80  # characters of an unknown name in a message
+MAX_NAME = 80  # characters of an unknown name in a message
 
 
 class MrtaFalsifyError(Exception):
@@ -59,7 +59,7 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], *, where: str = "") -> None:
         known = sorted(known)
-        name = name if len(name) <= MOST_NAME else name[:MOST_NAME] + "..."
+        name = name if len(name) <= MAX_NAME else name[:MAX_NAME] + "..."
         hint = did_you_mean(name, known) or "."
         prefix = f"{where}: " if where else ""
         listing = ", ".join(known) if known else "none"

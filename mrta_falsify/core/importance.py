@@ -22,7 +22,7 @@ from mrta_falsify.core.arrays import Array, BoolArray
 
 LEVEL = 0.95  # of all intervals together
 LEAST_OF_EACH = 5  # failures and passes below which nothing is told
-MOST_GROUPS = 6  # of a coordinate
+MAX_GROUPS = 6  # of a coordinate
 LEAST_IN_GROUP = 8  # trials
 BISECTIONS = 50
 LARGEST_RATIO = 1e6  # of variances, where a coordinate decides alone
@@ -101,9 +101,9 @@ def _group_labels(values: Array, levels: int) -> np.ndarray:
         values: ``(n,)`` in [0, 1].
         levels: of a discrete coordinate, 0: continuous.
     """
-    if 0 < levels <= MOST_GROUPS:
+    if 0 < levels <= MAX_GROUPS:
         return np.asarray(np.minimum((values * levels).astype(int), levels - 1))
-    count = int(np.clip(len(values) // LEAST_IN_GROUP, 2, MOST_GROUPS))
+    count = int(np.clip(len(values) // LEAST_IN_GROUP, 2, MAX_GROUPS))
     edges = np.quantile(values, np.linspace(0.0, 1.0, count + 1)[1:-1])
     return np.asarray(np.searchsorted(np.unique(edges), values, side="right"))
 

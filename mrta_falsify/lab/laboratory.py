@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.processes import MOST_DEATHS, spawned
+from mrta_falsify.campaigns.processes import MAX_DEATHS, spawned
 from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
@@ -151,7 +151,7 @@ class Lab(AbstractContextManager["Lab"]):
                 deaths += 1
                 self._pool = None
                 self._opened.close()
-                if deaths == MOST_DEATHS:
+                if deaths == MAX_DEATHS:
                     text = f"processes of the lab have died {deaths} times in a row; call again"
                     raise HarnessError(text) from None
 

@@ -28,7 +28,7 @@ ROOM_REACH = 1.0
 AT_POINT = 0.3  # m; a wall this near to a room's point may cover it, and robots stop beside it
 ROUNDING = 1e-6  # s that float arithmetic may add to a time, or take off
 STOP_KINDS = ("picked-up", "dropped-off")
-MOST_REFUSALS = 100  # rows in the evidence of one verdict
+MAX_REFUSALS = 100  # rows in the evidence of one verdict
 
 
 @dataclass(slots=True)
@@ -62,7 +62,7 @@ class Refusals:
 
 def encoded(rows: Sequence[Refusal]) -> list[dict[str, Any]]:
     """Give the first refused claims, JSON-shaped."""
-    return [asdict(row) for row in rows[:MOST_REFUSALS]]
+    return [asdict(row) for row in rows[:MAX_REFUSALS]]
 
 
 def unknown_in(event: StackEvent, world: World, *, must_name: bool) -> str:

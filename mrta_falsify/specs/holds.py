@@ -16,7 +16,7 @@ from mrta_falsify.core.world import World
 
 LITTLE = 0.1  # of a time; who was held for less of it was held by nothing
 LARGE = 0.25  # of the time in which a robot was held; a kind that held it for less is left out
-MOST_HOLDERS = 4  # whom or what the evidence names
+MAX_HOLDERS = 4  # whom or what the evidence names
 _ANY = ("", "")  # key of what holds a robot, whatever it is
 
 
@@ -91,7 +91,7 @@ class Holds:
         return {
             "held_s": round(spent.get(_ANY, 0.0), 3),
             "held": {kind: seconds for (kind, name), seconds in longest if kind and not name},
-            "holders": dict(holders[:MOST_HOLDERS]),
+            "holders": dict(holders[:MAX_HOLDERS]),
         }
 
     def _keys(self, edges: Iterable[BlockedBy]) -> dict[int, set[tuple[str, str]]]:

@@ -9,7 +9,7 @@ from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import (
-    MOST_REFUSALS,
+    MAX_REFUSALS,
     ROUNDING,
     STOP_KINDS,
     Refusals,
@@ -89,5 +89,5 @@ class HonestEvents(ByTheBooks):
             violated=count > 0,
             violated_at=rows[0]["time"] if rows else None,
             who=tuple(sorted({row["robot"] for row in rows if row["robot"]})),
-            evidence={"claims": rows[:MOST_REFUSALS], "count": count},
+            evidence={"claims": rows[:MAX_REFUSALS], "count": count},
         )

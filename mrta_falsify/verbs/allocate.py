@@ -25,7 +25,7 @@ from simulator_interface.formats.smrta import (
 
 #: the default; :mod:`mrta_falsify.stack.allocation.chain`
 DEFAULT_ALLOCATOR = "chain"
-MOST_CAPACITY = 1000
+MAX_CAPACITY = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,8 +71,8 @@ def allocate(
         InputError: a file, the allocator or the capacity is not what it must be.
         HarnessError: the allocator's plan breaks a condition.
     """
-    if not 1 <= capacity <= MOST_CAPACITY:
-        raise ConfigError(f"capacity is {capacity}; it must be from 1 to {MOST_CAPACITY}")
+    if not 1 <= capacity <= MAX_CAPACITY:
+        raise ConfigError(f"capacity is {capacity}; it must be from 1 to {MAX_CAPACITY}")
     choice = _with_settings(allocator, settings)
     travel = read_travel_times(Path(travel_times))
     case = read_case(Path(tasks), rooms=len(travel.times))

@@ -15,7 +15,7 @@ from mrta_falsify.campaigns.runner import Ended, Progress, run_campaign, stored_
 from mrta_falsify.campaigns.settings import (
     DEFAULT_LIMITS,
     DEFAULTS,
-    MOST_TRIALS,
+    MAX_TRIALS,
     CampaignSettings,
     Limits,
     Mode,
@@ -236,7 +236,7 @@ def _or_clock(budget: int | None, wall_clock: float) -> int:
         return budget
     if not wall_clock:
         raise ConfigError("a campaign needs a budget, or a time after which it ends")
-    return MOST_TRIALS
+    return MAX_TRIALS
 
 
 def _note_idle_workers(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from mrta_falsify.campaigns.rare_events import is_estimating
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import (
-    AGAINST_COPIES,
+    COMPARISON_RUNS,
     DEFAULTS,
     CampaignSettings,
     Mode,
@@ -95,7 +95,7 @@ def new_settings(
         seed=seed,
         mode=mode,
         screen=screen,
-        jittered=jittered or (AGAINST_COPIES if other is not None else 0),
+        jittered=jittered or (COMPARISON_RUNS if other is not None else 0),
         verify=verify,
         confirm=_known_engines(confirm),
         with_shut_rooms=with_shut_rooms,

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 DEFAULT_RADIUS = 0.22  # m, the waffle's
 SMALLEST_RADIUS, LARGEST_RADIUS = 0.05, 1.0  # m
-MOST_ROBOTS = 4  # of the scenario
+MAX_ROBOTS = 4  # of the scenario
 SLACK = 4.0  # times what one robot needs for a task, the most that the scenario allows it
 LAST_ARRIVAL = 60.0  # s
 LEAST_WALK = 5.0  # m between two places that a visitor goes to
 PAUSE = (5.0, 20.0)  # s that it stays at each
-MOST_NAMES = 8  # of rooms in a message
+MAX_NAMES = 8  # of rooms in a message
 
 BUILDING_ENDING = ".building"  # of a building's name, before ``.yaml``
 FLOOR_ENDING, DERIVED_ENDING = ".floor.json", ".derived.yaml"
@@ -249,7 +249,7 @@ def scenario_text(
         radius: of the robots [m].
         starts: name and place ``(2,)`` [m] of robots; empty: they start in rooms.
     """
-    robots = len(starts) or min(MOST_ROBOTS, len(world.rooms))
+    robots = len(starts) or min(MAX_ROBOTS, len(world.rooms))
     title = re.sub(r"[^\w .-]", "_", floor_file.removesuffix(FLOOR_ENDING))
     body = "" if radius == DEFAULT_RADIUS else f", with body_radius {radius!r}"
     longest = 2.0 * float(world.travel_times.max())
@@ -413,5 +413,5 @@ def _place_warnings(world: World, radius: float) -> list[str]:
 
 def _listed(names: Sequence[str]) -> str:
     """List names, the first ones of many."""
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.processes import MOST_DEATHS, spawned
+from mrta_falsify.campaigns.processes import MAX_DEATHS, spawned
 from mrta_falsify.campaigns.runner import Progress
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import SETTINGS, StoreError
@@ -116,7 +116,7 @@ def run_searches(
                     on_search(done, len(searches), f"{search[0]}, seed {search[1]}: {text}")
         except BrokenProcessPool:
             deaths += 1
-            if deaths == MOST_DEATHS:
+            if deaths == MAX_DEATHS:
                 raise HarnessError(
                     f"{directory}: processes that ran searches have died {deaths} times in a row; "
                     "go on with --resume"

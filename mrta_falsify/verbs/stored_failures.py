@@ -21,7 +21,7 @@ from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.minimising import MAX_RUNS as MAX_MINIMIZE_RUNS
 from mrta_falsify.verbs.report import (
-    MOST_CASES,
+    MAX_CASES,
     junit_report,
     markdown_report,
     write_report,
@@ -192,7 +192,7 @@ def write_reports(
     junit: Place | None = None,
     markdown: Place | None = None,
     against: Place | None = None,
-    cases: int = MOST_CASES,
+    cases: int = MAX_CASES,
     beside: bool = False,
     run: bool = False,
     trust: Trust = False,

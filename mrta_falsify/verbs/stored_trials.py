@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from mrta_falsify.campaigns.finding_files import read_finding
-from mrta_falsify.campaigns.settings import AGAINST_COPIES
+from mrta_falsify.campaigns.settings import COMPARISON_RUNS
 from mrta_falsify.campaigns.statistics import chance_in_vote
 from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
 from mrta_falsify.core.codec import later
@@ -132,7 +132,7 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
 
 
 def compared_sentences(
-    jittered: PerturbedRuns | None, other: OtherRun | None, most: int = AGAINST_COPIES
+    jittered: PerturbedRuns | None, other: OtherRun | None, most: int = COMPARISON_RUNS
 ) -> tuple[str, ...]:
     """Say what the other stack does in the world of a failure, and what copies say of both.
 

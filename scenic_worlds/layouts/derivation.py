@@ -46,8 +46,8 @@ from simulator_interface.formats.floor_yaml import Floor, FloorLane, FloorRoom
 
 SPOT_DISC = 0.30  # m around a waiting robot that lanes keep away from as from a wall
 DRIVEN_THROUGH = 0.3  # share of its clearance that floor counts for in a room of others
-MOST_PARKING = 12
-MOST_TURN_OFFS = 40  # places on a lane where robots may turn off to a waiting spot
+MAX_PARKING = 12
+MAX_TURN_OFFS = 40  # places on a lane where robots may turn off to a waiting spot
 TURN_OFF_STEP = 5  # samples of the lane from one of them to the next
 DRIVEN_STEP = 0.5  # m between points of lanes that say which floor is driven on
 OWN_END = 1.3  # m of the lane to a room's last spot that pass the room's other spots
@@ -123,7 +123,7 @@ def derive_layout(
         tree = shapely.STRtree(driven)
         places = shapely.points(sites.points)
         _, gap = tree.query_nearest(places, return_distance=True, all_matches=False)
-        wanted = min(MOST_PARKING, len(points) + 2)
+        wanted = min(MAX_PARKING, len(points) + 2)
         open_floor = ~shapely.contains_xy(_areas(floor), sites.points)
         if off_ways:
             on_lanes = shapely.get_coordinates(shapely.segmentize(driven, DRIVEN_STEP))
@@ -329,7 +329,7 @@ class _Lanes:
             return _joined([cut_path(line, last * step)[1:]])
         places = np.arange(last + 1)[::TURN_OFF_STEP]
         gaps = np.hypot(*(driven[places] - queue[-1]).T)
-        places = places[np.lexsort((places, np.round(gaps, 2)))][:MOST_TURN_OFFS]
+        places = places[np.lexsort((places, np.round(gaps, 2)))][:MAX_TURN_OFFS]
         legs = np.stack([driven[places], np.tile(queue[-1], (len(places), 1))], axis=1)
         is_free = ~self._lead_through(legs, {start}) & self._routes.are_clear(legs)
         is_past = self._lead_past_waiting(legs, queue[-1])

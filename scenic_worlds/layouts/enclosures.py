@@ -17,7 +17,7 @@ from simulator_interface.formats.outlines import mask_outlines
 
 THICKEST = 0.6  # m; what is deeper is rather a gap between furniture than a door in a wall
 NEAR = 1.5  # m along the way; the smallest of the stretches so near is the door
-MOST_DOORS = 4  # of one room
+MAX_DOORS = 4  # of one room
 SAME_REST = 0.9  # of the largest part of the floor behind a door is as good
 LEAST_REST = 0.4  # of the floor that lies behind a room's door, at least
 AROUND = 10.0  # m around a room that are looked at first
@@ -99,7 +99,7 @@ def _closed_by_several(
         found = list(find_doorways(routes, way))
         if openings and not found:
             found = list(find_doorways(routes, way, doors=False))
-        if not found or len(shut) == MOST_DOORS:
+        if not found or len(shut) == MAX_DOORS:
             return None
         shut.append(_in_a_wall(found))
     for doorway in shut[:-1]:

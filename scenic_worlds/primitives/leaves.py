@@ -36,7 +36,7 @@ from scenic_worlds.primitives.charts import FLOOR_AXES, Axis, axes_of_random, ch
 from scenic_worlds.primitives.polygons import LAST
 
 PLAIN = (int, float, str)  # options that are equal if they look alike
-MOST_NAMED = 64  # integers of a range that are told by value
+MAX_NAMED = 64  # integers of a range that are told by value
 TAIL = 1e-12  # normal quantiles are taken within this of 0 and 1: 7 standard deviations
 
 #: values of dependencies and coordinates in, sampled value out
@@ -185,7 +185,7 @@ def _truncated_normal(primitive: Any) -> tuple[tuple[Axis, ...], Draw]:
 def _fixed_integers(primitive: Any, count: int) -> tuple[str, ...]:
     """Name the integers of a range, if its bounds are no random values and they are not many."""
     is_fixed = all(isinstance(bound, (int, float)) for bound in (primitive.low, primitive.high))
-    if not is_fixed or count > MOST_NAMED:
+    if not is_fixed or count > MAX_NAMED:
         return ()
     return tuple(repr(math.ceil(primitive.low) + i) for i in range(count))
 

@@ -75,7 +75,7 @@ DERIVED = frozenset(
     for name in ("pitch", "roll", "parentOrientation", "orientation", "heading", "baseOffset")
 )
 ANGLES = (".yaw", ".heading", ".roll", ".pitch")  # properties that are angles [rad]
-MOST_LETTERS = 40  # of an option in words
+MAX_LETTERS = 40  # of an option in words
 DERIVED_DEPTH = 100  # counts as so many steps, so that other ways to a primitive come first
 #: what Scenic's random primitives are made of
 PRIMITIVE_PARTS = ("low", "high", "mean", "stddev", "region")
@@ -179,9 +179,9 @@ def _word(option: Any, number: int) -> str:
         return f"option {number}, which is random itself"
     if isinstance(option, (list, tuple)):
         text = "[" + ", ".join(_word(part, k) for k, part in enumerate(option, start=1)) + "]"
-        return text if len(text) <= MOST_LETTERS else f"option {number}, a list of {len(option)}"
+        return text if len(text) <= MAX_LETTERS else f"option {number}, a list of {len(option)}"
     text = repr(option)
-    is_short = len(text) <= MOST_LETTERS and " at 0x" not in text
+    is_short = len(text) <= MAX_LETTERS and " at 0x" not in text
     return text if is_short else f"option {number}, a {type(option).__name__}"
 
 

@@ -27,11 +27,11 @@ READY_FIELDS = ("type", "protocol", "encoding", "name", "version", "says", "can"
 SAYS = ("deliveries", "goals", "paths")
 CAN = ("branch",)
 LONGEST_PATH = 100_000  # points
-MOST_TOOK = 600.0  # s of simulated time that one answer may be held back
-MOST_EVENTS = 10_000  # in one answer
-MOST_SIGNALS = 100
-MOST_PEOPLE = 1 << 20  # an event may name a person by number
-MOST_TEXT = 500  # characters
+MAX_TOOK = 600.0  # s of simulated time that one answer may be held back
+MAX_EVENTS = 10_000  # in one answer
+MAX_SIGNALS = 100
+MAX_PEOPLE = 1 << 20  # an event may name a person by number
+MAX_TEXT = 500  # characters
 FARTHEST = 1e6  # m, m/s, rad/s: nothing in a building is larger
 EVENT_FIELDS = ("kind", "robot", "task", "resource", "other", "detail")
 #: fields of a command that become fields of an ``Intent``
@@ -191,7 +191,7 @@ class Reader:
             "follow": self._follow,
             "paths": self._paths,
             "waits_for": self._waits,
-            "took": lambda value: self._real("took", value, Rule(low=0.0, high=MOST_TOOK)),
+            "took": lambda value: self._real("took", value, Rule(low=0.0, high=MAX_TOOK)),
             "signals": self._signals,
             "events": lambda value: value,
             **{name: functools.partial(self._numbers, name) for name in NUMBERS},
@@ -272,9 +272,7 @@ class Reader:
         return found
 
     def _events(self, value: Any, time: float) -> tuple[StackEvent, ...]:
-        return tuple(
-            self._event(row, time) for row in self._rows("events", value, most=MOST_EVENTS)
-        )
+        return tuple(self._event(row, time) for row in self._rows("events", value, most=MAX_EVENTS))
 
     def _event(self, row: Any, time: float) -> StackEvent:
         if not isinstance(row, dict) or not isinstance(row.get("kind"), str):
@@ -284,25 +282,23 @@ class Reader:
                 raise Wrong("events", f"has {shown(name)}; known are {', '.join(EVENT_FIELDS)}")
         return StackEvent(
             time=time,
-            kind=row["kind"][:MOST_TEXT],
+            kind=row["kind"][:MAX_TEXT],
             robot=self._number("events", row.get("robot", -1), len(self._robots), -1),
             task=self._number("events", row.get("task", -1), self._tasks, -1),
-            resource=_text("events", row.get("resource", ""))[:MOST_TEXT],
-            other=self._number("events", row.get("other", -1), MOST_PEOPLE, -1),
-            detail=_text("events", row.get("detail", ""))[:MOST_TEXT],
+            resource=_text("events", row.get("resource", ""))[:MAX_TEXT],
+            other=self._number("events", row.get("other", -1), MAX_PEOPLE, -1),
+            detail=_text("events", row.get("detail", ""))[:MAX_TEXT],
         )
 
     def _waits(self, value: Any) -> dict[int, str]:
         return {
-            self._number("waits_for", robot, len(self._robots)): _text("waits_for", what)[
-                :MOST_TEXT
-            ]
+            self._number("waits_for", robot, len(self._robots)): _text("waits_for", what)[:MAX_TEXT]
             for robot, what in self._rows("waits_for", value, 2)
         }
 
     def _signals(self, value: Any) -> dict[str, float]:
-        if not isinstance(value, dict) or len(value) > MOST_SIGNALS:
-            raise Wrong("signals", f"must map at most {MOST_SIGNALS} names to numbers")
+        if not isinstance(value, dict) or len(value) > MAX_SIGNALS:
+            raise Wrong("signals", f"must map at most {MAX_SIGNALS} names to numbers")
         return {str(k)[:100]: self._real("signals", v, Rule()) for k, v in value.items()}
 
     # --- parts ------------------------------------------------------------------------------

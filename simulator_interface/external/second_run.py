@@ -17,7 +17,7 @@ from simulator_interface.external.process import NO_ANSWER
 from simulator_interface.external.wire import Wire
 
 FIRST_COMPARED = ("type", "twist")  # fields of an answer; the others follow by name
-MOST_TEXT = 200  # characters of a value that are kept
+MAX_TEXT = 200  # characters of a value that are kept
 
 
 class Exchange(NamedTuple):
@@ -145,4 +145,4 @@ def _text(value: Any) -> str:
         return "nothing"
     if isinstance(value, bytes) and len(value) % 8 == 0:
         value = np.frombuffer(value).tolist()
-    return str(value)[:MOST_TEXT]
+    return str(value)[:MAX_TEXT]

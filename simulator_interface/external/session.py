@@ -35,9 +35,9 @@ from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
 from simulator_interface.heartbeat import post
 from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
-MOST_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
+MAX_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
 #: messages of a run on disc, in memory that the stack may have; a second telling needs them
-MOST_EXCHANGED = 4.0
+MAX_EXCHANGED = 4.0
 #: ticks that a fresh process is told where forks are asked as well. A fork has the same random
 #: numbers ahead of it, so an unseeded generator only shows in a fresh process, and there at once.
 FRESH_TICKS = 200
@@ -201,17 +201,17 @@ class LiveSession:
         """
         self._wire.allow(limit)
         said = self._wire.send(message)
-        for _ in range(MOST_QUESTIONS):
+        for _ in range(MAX_QUESTIONS):
             body = self._wire.receive_bytes()
             self._exchanges.add(said, body)
-            most = post().limits.memory * MOST_EXCHANGED
+            most = post().limits.memory * MAX_EXCHANGED
             if self._exchanges.size > most * GIB:
                 raise Heavy(f"has made the harness keep messages of more than {most:g} GiB")
             heard = self._wire.read(body)
             if heard["type"] not in self._services.known:
                 return heard, body
             said = self._wire.send(self._services.answer(heard, time))
-        raise Unreadable(f"`{message['type']}` was answered by {MOST_QUESTIONS} questions")
+        raise Unreadable(f"`{message['type']}` was answered by {MAX_QUESTIONS} questions")
 
     # --- copies -------------------------------------------------------------------------------
 

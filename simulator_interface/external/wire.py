@@ -25,7 +25,7 @@ __all__ = ["Closed", "Late", "LateByWallClock", "Unreadable", "Wire"]
 
 T = TypeVar("T")
 
-MOST_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
+MAX_HEARD = 16 << 20  # bytes of a message; each may become 64 bytes of empty lists in memory
 LEAST = 1e-3  # s; a socket takes 0 for "do not wait at all"
 LOOK_EVERY = 0.1  # s of waiting between two looks at the stack; the first one begins to count
 SOONEST = 0.01  # s until the next look, however little of a limit is left
@@ -47,7 +47,7 @@ class Unreadable(Exception):  # noqa: N818
 class _Timed(Connection):
     """A connection whose messages must be complete within a limit."""
 
-    most = MOST_HEARD
+    most = MAX_HEARD
 
     def __init__(self, link: socket.socket, clock: ProcessClock | WallClock) -> None:
         super().__init__(link)

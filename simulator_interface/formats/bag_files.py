@@ -33,8 +33,8 @@ PACKED = (".zstd", ".zst")  # after one of those
 METADATA = "metadata.yaml"
 JOURNALS = ("-wal", "-journal")  # after the name of a database
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-MOST_BYTES = 64 * 2**30  # of one file, unpacked
-MOST_CHUNK = 2**30  # bytes of one chunk, unpacked
+MAX_BYTES = 64 * 2**30  # of one file, unpacked
+MAX_CHUNK = 2**30  # bytes of one chunk, unpacked
 PIECE = 2**16  # bytes unpacked at a time
 APART = 600.0  # s between bags that are hardly of one run
 _MCAP_MAGIC = 8  # bytes
@@ -199,8 +199,8 @@ def _unpacked(file: Path, recording: Recording, folder: Path) -> Path:
         with file.open("rb") as packed, stored.open("wb") as out:
             for piece in _pieces(packed, "zstd"):
                 size += out.write(piece)
-                if size > MOST_BYTES:
-                    raise FormatError(f"{file}: unpacks to more than {MOST_BYTES} bytes")
+                if size > MAX_BYTES:
+                    raise FormatError(f"{file}: unpacks to more than {MAX_BYTES} bytes")
     journals = [Path(f"{file}{ending}") for ending in JOURNALS]
     journals = [path for path in journals if path.is_file() and path.stat().st_size]
     if stored.suffix.lower() == ".db3" and journals:
@@ -337,7 +337,7 @@ def _chunk(body: bytes, *, is_whole: bool) -> bytes:
         found = io.BytesIO()
         for piece in _pieces(io.BytesIO(packed), packing):
             found.write(piece)
-            if found.tell() > MOST_CHUNK:
+            if found.tell() > MAX_CHUNK:
                 return b""
         packed = found.getvalue()
     is_right = not is_whole or not checksum or zlib.crc32(packed) == checksum

@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 FIELDS = ("levels",)  # that tell a building file from others
 
-MOST_ENTRIES = 20_000  # of one kind on one level
+MAX_ENTRIES = 20_000  # of one kind on one level
 KINDS = {1: str, 2: int, 3: float, 4: bool}  # of parameters, by the number before the value
 #: fields that Open-RMF defines; those that are not read here have no counterpart or no effect
 BUILDING_FIELDS = (
@@ -295,8 +295,8 @@ def _entries(level: Any, field: str, where: str, read: Callable[[Any, str], T]) 
     rows = _or_empty(level.get(field), [])
     if not isinstance(rows, list):
         raise FormatError(f"{where}.{field} is {shown(rows)}; it must be a list")
-    if len(rows) > MOST_ENTRIES:
-        raise FormatError(f"{where}.{field} has {len(rows)} entries; at most {MOST_ENTRIES}")
+    if len(rows) > MAX_ENTRIES:
+        raise FormatError(f"{where}.{field} has {len(rows)} entries; at most {MAX_ENTRIES}")
     return tuple(read(row, f"{where}.{field}[{i}]") for i, row in enumerate(rows))
 
 

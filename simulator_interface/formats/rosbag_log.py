@@ -36,8 +36,8 @@ from simulator_interface.formats.nav2 import OccupancyGrid
 
 ROS_1 = (".bag", ".active")
 POSES_EVERY = 0.05  # s; more is not kept
-MOST_MESSAGES = 20_000_000
-MOST_SECONDS = 7 * 86400.0  # that a log lasts; more is a stamp that is not one
+MAX_MESSAGES = 20_000_000
+MAX_SECONDS = 7 * 86400.0  # that a log lasts; more is a stamp that is not one
 LATEST_END = 86400.0  # s after the last pose
 BASES = ("base_link", "base_footprint")
 BETWEEN = "/_-."  # a prefix and a frame's own name
@@ -103,8 +103,8 @@ def read_bag(path: Path) -> FleetLog:
     unread: dict[str, int] = {}
     try:
         for count, row in enumerate(messages_of(path, _HEARD, recording)):
-            if count > MOST_MESSAGES:
-                raise FormatError(f"{path}: holds more than {MOST_MESSAGES} messages")
+            if count > MAX_MESSAGES:
+                raise FormatError(f"{path}: holds more than {MAX_MESSAGES} messages")
             if not count:
                 _learn(store, recording.definitions)
             try:
@@ -198,10 +198,10 @@ class _Seen:
         end = max(self._time(max(track.times)) for _, track in chosen.values())
         ended = end if recording.end is None else self._time(1e-9 * recording.end)
         end = max(end, ended) if ended - end <= LATEST_END else end
-        if end - begin > MOST_SECONDS:
+        if end - begin > MAX_SECONDS:
             raise FormatError(
                 f"{path}: lasts {(end - begin) / 86400.0:.0f} days by its stamps; a log of at most "
-                f"{MOST_SECONDS / 86400.0:.0f} is read"
+                f"{MAX_SECONDS / 86400.0:.0f} is read"
             )
         robots = []
         for robot, (source, track) in chosen.items():

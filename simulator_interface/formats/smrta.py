@@ -21,8 +21,8 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import FormatError
 from simulator_interface.formats.task_entries import check_task_entry
 
-MOST_TASKS = 100_000  # of one file; the arrays of more would not fit a small machine
-MOST_ROBOTS = 10_000
+MAX_TASKS = 100_000  # of one file; the arrays of more would not fit a small machine
+MAX_ROBOTS = 10_000
 SERVICE = 1.0  # s per action, SMrTa's `+ 1` between two action points
 UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
 
@@ -114,8 +114,8 @@ def read_case(path: Path, *, rooms: int) -> SmrtaCase:
 
 def _check_size(path: Path, stream: list[Any]) -> None:
     count = sum(len(b["tasks"]) for b in stream if isinstance(b, dict) and _is_list(b, "tasks"))
-    if count > MOST_TASKS:
-        raise FormatError(f"{path}: has {count} tasks; at most {MOST_TASKS} in one file")
+    if count > MAX_TASKS:
+        raise FormatError(f"{path}: has {count} tasks; at most {MAX_TASKS} in one file")
 
 
 def _is_list(data: dict[str, Any], field: str) -> bool:
@@ -125,8 +125,8 @@ def _is_list(data: dict[str, Any], field: str) -> bool:
 def _start_rooms(path: Path, agents: list[Any], rooms: int) -> tuple[int, ...]:
     if not agents:
         raise FormatError(f"{path}: agents is empty; it must name the start room of each robot")
-    if len(agents) > MOST_ROBOTS:
-        raise FormatError(f"{path}: has {len(agents)} robots; at most {MOST_ROBOTS}")
+    if len(agents) > MAX_ROBOTS:
+        raise FormatError(f"{path}: has {len(agents)} robots; at most {MAX_ROBOTS}")
     for i, room in enumerate(agents):
         if isinstance(room, bool) or not isinstance(room, int):
             raise FormatError(

@@ -126,7 +126,7 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(tmp_path, starts
 def test_the_same_end_three_times_in_a_row_ends_the_campaign_with_its_last_words(
     tmp_path, monkeypatch, starts, until, words
 ):
-    monkeypatch.setattr("mrta_falsify.campaigns.executors.MOST_STARTS", 4)  # of any end
+    monkeypatch.setattr("mrta_falsify.campaigns.executors.MAX_STARTS", 4)  # of any end
     begun = tmp_path / "begun"
     with (
         Store.create(tmp_path / "c", settings(starts=starts, begun=str(begun))) as store,

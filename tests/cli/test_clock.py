@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from mrta_falsify.campaigns import runner
-from mrta_falsify.campaigns.settings import MOST_TRIALS, Limits
+from mrta_falsify.campaigns.settings import MAX_TRIALS, Limits
 from mrta_falsify.campaigns.store import Store, read_campaign_settings
 from mrta_falsify.cli.options import Duration
 from mrta_falsify.core.config import Choice
@@ -30,7 +30,7 @@ def hours(monkeypatch):
 
 def begun(directory, **limits):
     with Store.create(directory, dataclasses.replace(standin.settings(), budget=0)) as store:
-        return run_store(store, Limits(budget=MOST_TRIALS, **limits), Choice("serial"))
+        return run_store(store, Limits(budget=MAX_TRIALS, **limits), Choice("serial"))
 
 
 def test_no_trial_is_begun_when_the_time_is_over_and_those_begun_are_kept(tmp_path, hours):

@@ -117,7 +117,7 @@ def test_no_answer_within_the_limit_is_a_hang(hall, how):
 
 
 def test_questions_without_end_are_no_answer(hall, monkeypatch):
-    monkeypatch.setattr(conversation, "MOST_QUESTIONS", 20)
+    monkeypatch.setattr(conversation, "MAX_QUESTIONS", 20)
     evidence = failure_of(hall, "inquires")
     assert evidence["kind"] == "answer"
     assert evidence["message"] == "`tick` was answered by 20 questions"

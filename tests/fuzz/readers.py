@@ -48,8 +48,8 @@ from tests.fuzz.texts import SCALARS, damaged_json, damaged_yaml
 from tests.fuzz.values import at, sites, spoiled, valid
 
 RECORDED = Path(__file__).parents[1] / "recorded" / "campaigns"
-MOST_CPU = 10.0  # s of one case
-MOST_TEXT = 2000  # characters of one sentence
+MAX_CPU = 10.0  # s of one case
+MAX_TEXT = 2000  # characters of one sentence
 
 #: whatever a file of ours or of others is decoded as
 ROOTS: tuple[type, ...] = (
@@ -76,7 +76,7 @@ def answered(read: Callable[[], Any]) -> bool:
         read()
     except (InputError, Wrong) as error:
         text = str(error)
-        if not text or len(text) > MOST_TEXT or "Traceback" in text:
+        if not text or len(text) > MAX_TEXT or "Traceback" in text:
             raise Found(f"no sentence: {text[:300]!r}") from None
         text.encode()  # a terminal must be able to show it
         return True
@@ -323,12 +323,12 @@ def main() -> int:
     found: collections.Counter[str] = collections.Counter()
 
     def too_long(*_: object) -> None:
-        raise Found(f"took over {MOST_CPU:g} s of CPU time")
+        raise Found(f"took over {MAX_CPU:g} s of CPU time")
 
     signal.signal(signal.SIGPROF, too_long)
     with tempfile.TemporaryDirectory() as name:
         for number in range(given.first, given.first + given.n):
-            signal.setitimer(signal.ITIMER_PROF, MOST_CPU)
+            signal.setitimer(signal.ITIMER_PROF, MAX_CPU)
             try:
                 counts[run_case(given.seed, number, Path(name))] += 1
             except Exception as error:

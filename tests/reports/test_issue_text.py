@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from reports.issue_text import MOST_LINES, IssueContents, render_issue
+from reports.issue_text import MAX_LINES, IssueContents, render_issue
 
 ISSUE = IssueContents(
     signature="no_deadlock/2:barrier>barrier",
@@ -33,9 +33,9 @@ def test_it_says_what_happened_in_two_sentences_and_shows_the_world():
 
 
 def test_a_long_world_is_left_beside_the_text():
-    program = "new Robot\n" * (MOST_LINES + 1)
+    program = "new Robot\n" * (MAX_LINES + 1)
     text = render_issue(dataclasses.replace(ISSUE, program=program))
-    assert f"It has {MOST_LINES + 1} lines" in text
+    assert f"It has {MAX_LINES + 1} lines" in text
     assert "new Robot" not in text
 
 

@@ -134,7 +134,7 @@ def test_the_page_lists_tasks_with_robot_times_and_state(page):
 
 
 def test_events_of_a_long_run_are_those_around_its_first_violation(hall_trace, monkeypatch):
-    monkeypatch.setattr(run_report, "MOST_EVENTS", 4)
+    monkeypatch.setattr(run_report, "MAX_EVENTS", 4)
     events = tuple(StackEvent(time=float(k), kind="replanned", robot=0) for k in range(10))
     trace = dataclasses.replace(hall_trace, events=events)
     times = {
@@ -149,7 +149,7 @@ def test_events_of_a_long_run_are_those_around_its_first_violation(hall_trace, m
 
 def test_a_long_table_of_tasks_is_folded(view, monkeypatch):
     assert not task_table(view.world, view.trace).folded
-    monkeypatch.setattr(run_report, "MOST_TASKS", 0)
+    monkeypatch.setattr(run_report, "MAX_TASKS", 0)
     assert task_table(view.world, view.trace).folded
 
 

@@ -49,7 +49,7 @@ def test_the_picture_names_rooms_robots_and_verdicts(view):
 
 def test_stops_that_have_no_room_above_a_place_are_counted(view, monkeypatch):
     assert "+1" not in _texts(run_picture.draw_run(view))
-    monkeypatch.setattr(run_plot, "MOST_STOPS", 0)
+    monkeypatch.setattr(run_plot, "MAX_STOPS", 0)
     assert "+1" in _texts(run_picture.draw_run(view))
 
 

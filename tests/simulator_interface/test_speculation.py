@@ -224,7 +224,7 @@ def test_a_question_that_is_open_at_the_end_is_answered(guard, checkpoints):
 def test_no_more_checkpoints_are_made_than_allowed(
     guard, checkpoints, own_checkpoints, monkeypatch
 ):
-    monkeypatch.setattr(speculation, "MOST_POINTS", 2)
+    monkeypatch.setattr(speculation, "MAX_POINTS", 2)
     both(guard, rooms(), *[(1.0 + 0.1 * k, 0.0, 30.0) for k in range(4)])
     assert checkpoints.read_text() == "mm"
     checkpoints.write_text("")

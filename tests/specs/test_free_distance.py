@@ -6,7 +6,7 @@ import numpy as np
 from frames import Robot, Script
 
 from mrta_falsify.core.geometry import rectangle
-from mrta_falsify.specs.deadlock.free_distance import MOST_MAPS, FreeDistance
+from mrta_falsify.specs.deadlock.free_distance import MAX_MAPS, FreeDistance
 
 
 def space() -> FreeDistance:
@@ -36,6 +36,6 @@ def test_maps_of_goals_long_past_are_let_go_and_made_again():
     ]
     for goal in goals:
         way_between(known, here, goal)
-    assert len(goals) > MOST_MAPS
-    assert len(known._maps) == MOST_MAPS
+    assert len(goals) > MAX_MAPS
+    assert len(known._maps) == MAX_MAPS
     assert way_between(known, here, first) == before

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 
-MOST_STATES = 600_000  # of one robot, kept at once; more: not decided
+MAX_STATES = 600_000  # of one robot, kept at once; more: not decided
 EFFORT = 60.0  # CP-SAT's deterministic time
 
 
@@ -53,7 +53,7 @@ def largest_sets(problem: AllocationProblem, plan: RobotPlan) -> list[int]:
                     continue
                 if ready < following.get(state, float("inf")):
                     following[state] = ready
-        if len(following) > MOST_STATES:
+        if len(following) > MAX_STATES:
             raise TooLargeError
         level = following
         served.update(done for done, aboard, _ in level if not aboard)

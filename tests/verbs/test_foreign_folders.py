@@ -207,7 +207,7 @@ def test_another_stack_is_another_question(folder: Folder) -> None:
 def test_a_folder_that_is_too_large_is_not_remembered(
     folder: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mrta_falsify.campaigns.code_content.MOST_FILES", 0)
+    monkeypatch.setattr("mrta_falsify.campaigns.code_content.MAX_FILES", 0)
     OF_RUNS["component_planner"](folder)
     told: list[str] = []
     assert not asked(folder, trust=told.append)

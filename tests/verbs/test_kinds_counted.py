@@ -23,7 +23,7 @@ from mrta_falsify.core.config import Choice, ExternalStack, StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.perturbed_runs import NO_COPIES, trial_score
+from mrta_falsify.perturbed_runs import NO_COMPARISON, trial_score
 from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.specs.descriptors import Descriptors
@@ -79,7 +79,7 @@ def record_of(number, verdicts):
         status="ok",
         verdicts=verdicts,
         objectives=run.margins,
-        score=trial_score(run, NO_COPIES),
+        score=trial_score(run, NO_COMPARISON),
         is_afterthought=run.failed and not run.is_primary and not run.is_shut,
         is_shut=run.is_shut,
         signature=signature(verdicts),
@@ -227,5 +227,5 @@ def test_what_follows_from_a_shut_place_is_scored_like_what_is_looked_for_last()
     contact = judged(RUNS[5])
     assert contact.secondary == {"no_deadlock", *LAST}
     assert contact.is_primary
-    assert trial_score(contact, NO_COPIES) < 0.0
+    assert trial_score(contact, NO_COMPARISON) < 0.0
     assert not dataclasses.replace(contact, verdicts=RUNS[4]).is_primary

@@ -21,7 +21,7 @@ from mrta_falsify.specs.deadlock.occupancy import GRID_CELL, SolidGrid
 
 Point: TypeAlias = Sequence[float] | Array  # (2,) x, y [m], map frame
 
-MOST_MAPS = 64  # that are kept, or two for each robot if that is more; 1 MB each of a hospital
+MAX_MAPS = 64  # that are kept, or two for each robot if that is more; 1 MB each of a hospital
 DETOUR_FROM = 5 * GRID_CELL  # m; below this the straight distance is better than one in cells
 
 
@@ -61,7 +61,7 @@ class FreeDistance:
         found = self._maps.pop(cell, None)
         if found is None:
             found = _distances(self.free, *cell, GRID_CELL)
-            if len(self._maps) >= max(MOST_MAPS, 2 * len(self.world.robots)):
+            if len(self._maps) >= max(MAX_MAPS, 2 * len(self.world.robots)):
                 del self._maps[next(iter(self._maps))]
         self._maps[cell] = found  # the last one used is the last one
         return found

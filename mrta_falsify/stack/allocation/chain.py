@@ -9,9 +9,9 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
 from mrta_falsify.stack.allocation.objective import Objective
-from mrta_falsify.stack.allocation.route_search import MOST_TASKS
+from mrta_falsify.stack.allocation.route_search import MAX_TASKS
 
-MOST_PAIRS = 30 * 20  # tasks x robots up to which the exact search is worth its time
+MAX_PAIRS = 30 * 20  # tasks x robots up to which the exact search is worth its time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class Chain:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
         quick = self._insertion.allocate(problem)
         size = len(problem.tasks) * len(problem.robots)
-        small = size <= MOST_PAIRS and len(problem.tasks) <= MOST_TASKS
+        small = size <= MAX_PAIRS and len(problem.tasks) <= MAX_TASKS
         if quick.status == "plan" or not small or not self._options.node_limit:
             return quick
         exact = Exact(

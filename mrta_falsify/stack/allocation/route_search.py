@@ -17,7 +17,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.stack.allocation.route_kernels import entry, inner
 
 FEASIBLE, INFEASIBLE, CUT_OFF = 1, 0, -1
-MOST_TASKS = 30  # of one route: 3^30 x 64 fits into 64 bits
+MAX_TASKS = 30  # of one route: 3^30 x 64 fits into 64 bits
 _REMEMBER_FROM = 200  # nodes; shorter searches need no memory
 
 
@@ -333,7 +333,7 @@ def feasible_sets(
                 tasks = base | (one << k)
                 s = _fill_members(tasks, is_carried, chosen, state, soft)
                 looked += 1
-                if looked > most or s > MOST_TASKS:
+                if looked > most or s > MAX_TASKS:
                     return False, found, total
                 answer, nodes, _ = search_route(
                     travel, jobs, starts, robot, chosen[:s], state[:s], soft[:s], 1_000_000

@@ -14,7 +14,7 @@ from mrta_falsify.stack.allocation.route_search import (
     CUT_OFF,
     FEASIBLE,
     INFEASIBLE,
-    MOST_TASKS,
+    MAX_TASKS,
     Jobs,
     Starts,
     clashing_pairs,
@@ -24,8 +24,8 @@ from mrta_falsify.stack.allocation.route_search import (
 
 Bits = int  # a set of tasks, one bit each
 
-MOST_SETS = 400_000  # sets looked at for the covering problem
-MOST_BITS = 62  # tasks of the covering problem
+MAX_SETS = 400_000  # sets looked at for the covering problem
+MAX_BITS = 62  # tasks of the covering problem
 
 
 class LimitReachedError(Exception):
@@ -135,7 +135,7 @@ class SingleRobots:
         chosen = np.array([*fresh, *carried], np.int64)
         state = np.array([0] * len(fresh) + [1] * len(carried), np.int64)
         soft = np.array([not tasks >> int(k) & 1 for k in chosen], np.bool_)
-        if len(chosen) > MOST_TASKS:
+        if len(chosen) > MAX_TASKS:
             raise LimitReachedError
         answer, nodes, order = search_route(
             self._travel, self._jobs, self._starts, r, chosen, state, soft, self.nodes_left
@@ -160,10 +160,10 @@ class SingleRobots:
 
     def covering(self) -> Covering | None:
         """Covering problem over all largest sets; None if there are too many of them."""
-        if self.m > MOST_BITS:
+        if self.m > MAX_BITS:
             return None
         sets, groups = [], []
-        looks = MOST_SETS
+        looks = MAX_SETS
         for kind in sorted(set(self.kind)):
             allowed = [
                 k

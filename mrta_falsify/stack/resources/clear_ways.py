@@ -20,7 +20,7 @@ APART = 0.6  # m between robots, centre to centre, as far as controllers keep th
 OFF_WAY = 0.8  # m between a place to stand and a way, so that who drives there has room
 AT_ROOM = 1.0  # m from a room's point: a robot that comes so near can get there
 LATTICE = 0.5  # m between the places that are tried
-MOST_TRIED = 100  # places that are judged in one search; each takes 0.1 to 4 ms
+MAX_TRIED = 100  # places that are judged in one search; each takes 0.1 to 4 ms
 DETOUR = 0.6  # m around a robot in which a way past it is looked for before the whole map is
 BLOCK = 4  # cells along a side of the blocks that wide ways are looked for in
 SAME_PLACE = 0.1  # m; stands are rounded to this before they are judged
@@ -93,7 +93,7 @@ class ClearWays:
         is_off = self._gaps_to_lanes(candidates) >= OFF_WAY
         found: list[Array] = []
         tried = (*candidates[is_clear & is_off], *candidates[is_clear & ~is_off])
-        for place in tried[:MOST_TRIED]:
+        for place in tried[:MAX_TRIED]:
             if len(found) >= count:
                 break
             together = np.array([*stands, *found, place])

@@ -35,7 +35,7 @@ ENGINE_FLEET = 6  # robots that drive circles to time the engine alone
 ENGINE_SECONDS = 30.0  # s of it at most
 OTHER_STEPS = 4  # beside fleets and clusters: warm-up, planner, costmap, engine
 WARM_UP = 600  # ticks in which each engine's fleet comes to nearly all compiled code
-MOST_ROBOTS = 1000  # in a fleet
+MAX_ROBOTS = 1000  # in a fleet
 
 
 def step_count(robots: Sequence[int], engines: Sequence[str], config: StackConfig) -> int:
@@ -71,8 +71,8 @@ def bench(
     Raises:
         InputError: a fleet size that is not allowed, or an unknown layer.
     """
-    if not robots or not all(1 <= size <= MOST_ROBOTS for size in robots):
-        raise ConfigError(f"robots is {robots}; it must be numbers from 1 to {MOST_ROBOTS}")
+    if not robots or not all(1 <= size <= MAX_ROBOTS for size in robots):
+        raise ConfigError(f"robots is {robots}; it must be numbers from 1 to {MAX_ROBOTS}")
     config = load_stack(stack, settings)
     world = vary_world(load_world(WORLD), 0)
     others = {

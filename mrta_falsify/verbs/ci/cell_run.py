@@ -23,7 +23,7 @@ from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign import OnFeedback, open_store, run_store
 from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
-from mrta_falsify.verbs.ci.ledger import MOST_EXAMPLES, CellState, Example, Fate, Finding, merged
+from mrta_falsify.verbs.ci.ledger import MAX_EXAMPLES, CellState, Example, Fate, Finding, merged
 from mrta_falsify.verbs.ci.project import Project
 from mrta_falsify.verbs.corpus import on_recorded_engine, recheck
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_rechecks
@@ -73,7 +73,7 @@ class CellRun:
         )
 
     def _with_few_examples(self, finding: Finding) -> Finding:
-        most = None if self._cell.search is None else MOST_EXAMPLES
+        most = None if self._cell.search is None else MAX_EXAMPLES
         return dataclasses.replace(finding, examples=finding.examples[:most])
 
     def _rechecked(self, finding: Finding) -> Iterator[tuple[Example, Recheck]]:
@@ -139,7 +139,7 @@ def _found_by(project: Project, campaign: Campaign, number: int) -> Iterator[Fin
             signature=signature(records[0].verdicts),
             fate=fate,
             examples=tuple(
-                example_of(project, campaign, record.id) for record in records[:MOST_EXAMPLES]
+                example_of(project, campaign, record.id) for record in records[:MAX_EXAMPLES]
             ),
             sentence=violation_sentence(verdict),
             since=number,

@@ -20,7 +20,7 @@ from mrta_falsify.core.errors import FormatError
 
 LEDGER_NAME = "last.json"
 LEDGER_VERSION = 1
-MOST_EXAMPLES = 2  # worlds of a mode that are run again
+MAX_EXAMPLES = 2  # worlds of a mode that are run again
 
 #: failing: its world fails; flaky: only some runs of it, or few copies; resolved: none any more
 Fate: TypeAlias = Literal["failing", "flaky", "resolved"]

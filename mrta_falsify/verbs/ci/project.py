@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.settings import DEFAULT_LIMITS, DEFAULTS, MOST_COPIES
+from mrta_falsify.campaigns.settings import DEFAULT_LIMITS, DEFAULTS, MAX_PERTURBED_RUNS
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.config import StackConfig, decode_config
@@ -38,8 +38,8 @@ class ScenarioEntry:
     specs: tuple[str, ...] = ()
     params: dict[str, Any] = field(default_factory=dict)
     stop_after: int = quantity(low=0, default=DEFAULT_LIMITS.stop_after)
-    jittered: int = quantity(low=0, high=MOST_COPIES, default=2)
-    verify: int = quantity(low=0, high=MOST_COPIES, default=DEFAULTS.trials.verify)
+    jittered: int = quantity(low=0, high=MAX_PERTURBED_RUNS, default=2)
+    verify: int = quantity(low=0, high=MAX_PERTURBED_RUNS, default=DEFAULTS.trials.verify)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +49,9 @@ class ProjectFile:
     scenarios: dict[str, ScenarioEntry] = field(default_factory=dict)
     stacks: dict[str, StackEntry] = field(default_factory=lambda: {SHIPPED: StackEntry()})
     corpus: tuple[str, ...] = ()  #: directories of campaigns whose failures are run again
-    jittered: int = quantity(low=0, high=MOST_COPIES, default=2)  #: copies of each such failure
+    jittered: int = quantity(
+        low=0, high=MAX_PERTURBED_RUNS, default=2
+    )  #: copies of each such failure
     keep: str = ".mrta-falsify"  #: directory of what is kept between runs
 
 

@@ -16,7 +16,7 @@ from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.contents import CaseContents, Mode, ReportContents, Table
 from reports.junit import Complaint, TrialResult, render_junit
 
-MOST_CASES = 10  # shown in full
+MAX_CASES = 10  # shown in full
 MEANINGS: dict[ChangeKind, str] = {
     "new": "fails now, and did not in the last run",
     "ongoing": "failed in the last run, too",
@@ -45,7 +45,7 @@ def contents_of(project: Project, result: CiResult) -> ReportContents:
         headline=headline_of(result),
         facts=tuple((cell.name, done_text(cell)) for cell in result.cells),
         modes=tuple(
-            _mode(project, change, in_full=place < MOST_CASES)
+            _mode(project, change, in_full=place < MAX_CASES)
             for place, change in enumerate(failing)
         ),
         notes=tuple(notes),

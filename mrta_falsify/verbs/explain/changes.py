@@ -26,7 +26,7 @@ SUSPECTS = (
 )
 #: alternatives that take minutes for a stream of tasks
 LEFT_OUT = frozenset(("smt", "tsp", "exact"))
-MOST_OTHERS = 2  # implementations of a layer that are tried in place of the one under test
+MAX_OTHERS = 2  # implementations of a layer that are tried in place of the one under test
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ def _changes_of_layer(config: StackConfig, layer: str) -> Iterator[Change]:
         yield Change(layer=layer, text=text, config=changed, restores=True)
         return
     others = (n for n in registry.names(layer) if n != choice.name and n not in LEFT_OUT)
-    for name in itertools.islice(others, MOST_OTHERS):
+    for name in itertools.islice(others, MAX_OTHERS):
         text = f"{spaced(layer)}: {name} instead of {choice.name}"
         yield Change(layer=layer, text=text, config=_with_layer(config, layer, Choice(name)))
 

@@ -24,7 +24,7 @@ from mrta_falsify.verbs.incident.scene import Scene, floor_of_log, scene_of, wit
 from mrta_falsify.verbs.stacks import Stack
 from simulator_interface.formats.fleet_log import FleetLog, RobotLog
 
-MOST_ROBOTS = 100
+MAX_ROBOTS = 100
 STOOD_FOR = 30.0  # s, from then on the oracle suspects robots that stand
 PROGRAM_ENDING, WORLD_ENDING = ".scenic", ".world.json"
 
@@ -93,8 +93,8 @@ def import_log(
 
     source = Path(log)
     record, run = read_log(source)
-    if len(record.robots) > MOST_ROBOTS:
-        raise FormatError(f"{source}: has {len(record.robots)} robots; at most {MOST_ROBOTS}")
+    if len(record.robots) > MAX_ROBOTS:
+        raise FormatError(f"{source}: has {len(record.robots)} robots; at most {MAX_ROBOTS}")
     if settings and stack is None:
         raise ConfigError("--set changes a stack; name it by --stack (default: the shipped one)")
     name = _name_of(source)

@@ -23,7 +23,7 @@ from simulator_interface.formats.map_walls import map_corners, walls_of_map
 MARGIN = 2.0  # m around the poses, where there is no map
 ONE_PLACE = 0.75  # m between stops that are one place
 NAMED_WITHIN = 1.0  # m from a room of the floor, whose name a place then has
-MOST_PLACES = 16
+MAX_PLACES = 16
 BEFORE = 120.0  # s before an incident that its scenario begins at most
 LEAD = 5.0  # s that robots stand before the first of them sets out, so that it may come sooner
 AFTER = 180.0  # s that its scenario goes on
@@ -176,7 +176,7 @@ def _trips(
         ahead = [leg for leg in rows[running[-1] if running else 0 :] if leg.begin <= end]
         here = robot.pose[:2]
         for leg in ahead:
-            if math.dist(here, leg.goal) <= ONE_PLACE or len(stops) >= MOST_PLACES - 1:
+            if math.dist(here, leg.goal) <= ONE_PLACE or len(stops) >= MAX_PLACES - 1:
                 continue
             first, last = number_of(here), number_of(leg.goal)
             if first != last:

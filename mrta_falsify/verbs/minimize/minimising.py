@@ -22,7 +22,7 @@ from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
 from mrta_falsify.campaigns.journal import resumable
 from mrta_falsify.campaigns.rules import signed
-from mrta_falsify.campaigns.settings import AGAINST_COPIES
+from mrta_falsify.campaigns.settings import COMPARISON_RUNS
 from mrta_falsify.campaigns.signature import mechanism
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
@@ -242,7 +242,7 @@ def _ask_both(job: Job, judged: Judged, other: StackConfig) -> Comparison:
         return lambda copy: judge(dataclasses.replace(job, world=copy))
 
     theirs = dataclasses.replace(job, config=other)
-    return judged_by_vote(job.world, judged, AGAINST_COPIES, run(perturbed_job(job)), run(theirs))
+    return judged_by_vote(job.world, judged, COMPARISON_RUNS, run(perturbed_job(job)), run(theirs))
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

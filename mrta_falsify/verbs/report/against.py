@@ -12,7 +12,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from reports.contents import Table
 
-MOST_ROWS = 100
+MAX_ROWS = 100
 DIGEST_LENGTH = 12  # hex digits of a world's digest that are shown
 
 
@@ -57,9 +57,9 @@ def _modes_by(campaign: Campaign, rules: int) -> Counter[str]:
 
 def _shortened(rows: Sequence[tuple[str, ...]], what: str) -> tuple[tuple[str, ...], ...]:
     """Keep the first rows of a table, and count the others."""
-    if len(rows) <= MOST_ROWS:
+    if len(rows) <= MAX_ROWS:
         return tuple(rows)
-    return (*rows[:MOST_ROWS], (f"{len(rows) - MOST_ROWS} further {what}", "", ""))
+    return (*rows[:MAX_ROWS], (f"{len(rows) - MAX_ROWS} further {what}", "", ""))
 
 
 def _other_conditions(campaign: Campaign, against: Campaign) -> tuple[str, ...]:

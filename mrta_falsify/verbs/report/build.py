@@ -42,7 +42,7 @@ from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.page import write_page
 from reports.sentences import violation_sentence
 
-MOST_CASES = 20  # shown in full unless asked otherwise
+MAX_CASES = 20  # shown in full unless asked otherwise
 CASE_BYTES = 225_000  # of the page for each case that is asked for: 20 make 4.5 MB
 
 
@@ -51,7 +51,7 @@ def write_report(
     path: Path,
     *,
     against: Campaign | None = None,
-    cases: int = MOST_CASES,
+    cases: int = MAX_CASES,
     refresh: int = 0,
 ) -> Path:
     """Write the HTML report of a campaign.
@@ -71,12 +71,12 @@ def write_report(
     """
     report = build_report(campaign, against=against, cases=cases)
     report = dataclasses.replace(report, refresh=refresh)
-    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MOST_CASES))
+    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MAX_CASES))
     return path
 
 
 def build_report(
-    campaign: Campaign, *, against: Campaign | None = None, cases: int = MOST_CASES
+    campaign: Campaign, *, against: Campaign | None = None, cases: int = MAX_CASES
 ) -> ReportContents:
     """Build what the page says from what is stored.
 

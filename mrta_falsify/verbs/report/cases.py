@@ -40,7 +40,7 @@ from reports.stack_sentences import coupling_facts
 if TYPE_CHECKING:
     from mrta_falsify.core.config import StackConfig
 
-MOST_LOST = 20  # failures with missing files after which the others are not read
+MAX_LOST = 20  # failures with missing files after which the others are not read
 LOST_TOLD = 5  # of them, each of which gets a sentence
 
 
@@ -54,7 +54,7 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], l
     cases: list[CaseContents] = []
     lost: list[str] = []
     for record in in_turn(campaign):
-        if len(cases) >= most or len(lost) >= MOST_LOST:
+        if len(cases) >= most or len(lost) >= MAX_LOST:
             break
         try:
             cases.append(case_of(campaign, record))
@@ -66,7 +66,7 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], l
             )
     if len(lost) > LOST_TOLD:
         further = f"{len(lost) - LOST_TOLD} further failures have damaged or missing files, too"
-        more = "; others were not looked at" if len(lost) >= MOST_LOST else ""
+        more = "; others were not looked at" if len(lost) >= MAX_LOST else ""
         lost = [*lost[:LOST_TOLD], f"{further}{more}."]
     return cases, lost
 

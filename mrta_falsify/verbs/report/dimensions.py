@@ -15,7 +15,7 @@ from mrta_falsify.verbs.campaign_summary import uniform_trials
 from mrta_falsify.verbs.report.trial_table import dimension_names, values_of
 from reports.contents import ParameterImportance
 
-MOST_SHOWN = 10
+MAX_SHOWN = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ def parameter_importances(
             options=_options(campaign, one.dimension),
             parts=tuple(_in_values(group, one.dimension, judged, told) for group in one.groups),
         )
-        for one in ranking.found[:MOST_SHOWN]
+        for one in ranking.found[:MAX_SHOWN]
     )
 
 

@@ -17,7 +17,7 @@ from mrta_falsify.verbs.report.trial_table import dimension_names, dimension_val
 from mrta_falsify.verbs.trust import Trust
 from reports.contents import Neighbour
 
-MOST_DIFFERENCES = 8  # parameters named, those that differ most
+MAX_DIFFERENCES = 8  # parameters named, those that differ most
 
 
 def nearest_passing(campaign: Campaign, record: TrialRecord) -> TrialRecord | None:
@@ -53,8 +53,8 @@ def neighbour_of(campaign: Campaign, record: TrialRecord) -> Neighbour | None:
     ]
     return Neighbour(
         id=near.id,
-        differences=tuple((names[i], *texts[i]) for i in order[:MOST_DIFFERENCES]),
-        further=max(0, len(order) - MOST_DIFFERENCES),
+        differences=tuple((names[i], *texts[i]) for i in order[:MAX_DIFFERENCES]),
+        further=max(0, len(order) - MAX_DIFFERENCES),
         command=shlex.join(["mrta-falsify", "report", str(campaign.directory), "--beside"]),
     )
 

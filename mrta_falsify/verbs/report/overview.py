@@ -26,7 +26,7 @@ from reports.contents import ErrorKind
 from reports.sentences import beside_sentences
 
 SECONDS_PER_HOUR = 3600.0
-MOST_BESIDE = 10  # notes of trials
+MAX_BESIDE = 10  # notes of trials
 
 
 def facts_of(
@@ -91,8 +91,8 @@ def _beside_notes(campaign: Campaign) -> tuple[str, ...]:
         for record in campaign.records
         for text in beside_sentences(record.verdicts)
     ]
-    if len(told) > MOST_BESIDE:
-        told[MOST_BESIDE:] = [f"{len(told) - MOST_BESIDE} further notes of this kind."]
+    if len(told) > MAX_BESIDE:
+        told[MAX_BESIDE:] = [f"{len(told) - MAX_BESIDE} further notes of this kind."]
     return tuple(told)
 
 

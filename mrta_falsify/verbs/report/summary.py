@@ -24,7 +24,7 @@ from mrta_falsify.verbs.campaign_summary import (
 from mrta_falsify.verbs.report.trial_table import dimension_names
 
 SECONDS_PER_HOUR = 3600.0
-MOST_NAMED = 3  # parameters
+MAX_NAMED = 3  # parameters
 
 
 def summary_sentences(
@@ -131,7 +131,7 @@ def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -
 
 def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:
     names = dimension_names(campaign)
-    named = [names[i] for i in mattering[:MOST_NAMED]]
+    named = [names[i] for i in mattering[:MAX_NAMED]]
     return [f"Failing goes with {listed(named)}."] if named else []
 
 

@@ -13,7 +13,7 @@ from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_summary import FailureMode
 from reports.contents import TrialRow, TrialTable
 
-MOST_CELLS = 120_000  # values of parameters; about 0.5 MB of the page
+MAX_CELLS = 120_000  # values of parameters; about 0.5 MB of the page
 FATES = {"crashed": "error", "timeout": "error"}  # of trials that were not judged
 
 
@@ -32,7 +32,7 @@ def trial_table(
         return None
     names = dimension_names(campaign)
     order = [*ranked, *(i for i in range(len(names)) if i not in set(ranked))]
-    kept = order[: max(1, MOST_CELLS // len(records))]
+    kept = order[: max(1, MAX_CELLS // len(records))]
     mode_of = {id: number for number, mode in enumerate(found, start=1) for id in mode.ids}
     has_values = any(record.values for record in records)
     notes = [] if has_values or not names else ["Parameters are shares of their ranges, 0 to 1."]

@@ -12,7 +12,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import Coupling
 from simulator_interface.foreign.robot_topics import Topics
 
-MOST_DOMAINS = 101  # ROS 2's largest on Linux that meets no ephemeral port
+MAX_DOMAINS = 101  # ROS 2's largest on Linux that meets no ephemeral port
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +41,8 @@ class BridgeSettings:
     def __post_init__(self) -> None:
         if self.coupling == "stepped" and not self.done:
             raise ConfigError("done is empty; coupling `stepped` needs a topic that acknowledges")
-        if self.domain is not None and not 0 <= self.domain <= MOST_DOMAINS:
-            raise ConfigError(f"domain is {self.domain}; it must be from 0 to {MOST_DOMAINS}")
+        if self.domain is not None and not 0 <= self.domain <= MAX_DOMAINS:
+            raise ConfigError(f"domain is {self.domain}; it must be from 0 to {MAX_DOMAINS}")
         if self.drives == "harness" and not self.topics.goal_pose:
             raise ConfigError("drives: harness needs the topic goal_pose; its name is empty")
         if self.drives == "stack" and not self.topics.cmd_vel:

@@ -6,11 +6,11 @@ import os
 import socket
 
 from mrta_falsify.core.errors import ConfigError
-from simulator_interface.foreign.dds.bridge_settings import MOST_DOMAINS
+from simulator_interface.foreign.dds.bridge_settings import MAX_DOMAINS
 
 FIRST = 41  # lower ones are what people set by hand
 #: participants that can be found without multicast: the ports of a domain suffice for no more
-MOST_PARTICIPANTS = 119
+MAX_PARTICIPANTS = 119
 #: of Cyclone DDS: the loopback interface and unicast only
 LOOPBACK = f"""<CycloneDDS><Domain id="any">
 <General>
@@ -19,7 +19,7 @@ LOOPBACK = f"""<CycloneDDS><Domain id="any">
 </General>
 <Discovery>
 <ParticipantIndex>auto</ParticipantIndex>
-<MaxAutoParticipantIndex>{MOST_PARTICIPANTS}</MaxAutoParticipantIndex>
+<MaxAutoParticipantIndex>{MAX_PARTICIPANTS}</MaxAutoParticipantIndex>
 <Peers><Peer Address="127.0.0.1"/></Peers>
 </Discovery>
 </Domain></CycloneDDS>"""
@@ -38,7 +38,7 @@ class ReservedDomain:
     """
 
     def __init__(self, wanted: int | None) -> None:
-        numbers = range(MOST_DOMAINS, FIRST - 1, -1) if wanted is None else [wanted]
+        numbers = range(MAX_DOMAINS, FIRST - 1, -1) if wanted is None else [wanted]
         for number in numbers:
             self.hold = socket.socket(socket.AF_UNIX)  #: handed on to the nodes as well
             try:
@@ -50,7 +50,7 @@ class ReservedDomain:
             self.number = number
             return
         if wanted is None:
-            raise ConfigError(f"domains {FIRST} to {MOST_DOMAINS} are all used by other bridges")
+            raise ConfigError(f"domains {FIRST} to {MAX_DOMAINS} are all used by other bridges")
         raise ConfigError(
             f"domain {wanted} is used by another bridge; each run needs one of its own: leave out "
             "`domain`, and let the bridge start the nodes (`commands`)"

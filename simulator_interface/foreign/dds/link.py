@@ -22,7 +22,7 @@ from simulator_interface.foreign.dds.wire_types import WireTypes
 from simulator_interface.foreign.robot_topics import NANO, Topic
 
 BLOCKING = 0.1  # s that a reliable writer may block, as in rclcpp
-MOST_TAKEN = 1000  # messages at once
+MAX_TAKEN = 1000  # messages at once
 _PLAIN_CDR = Policy.DataRepresentation(use_cdrv0_representation=True)
 
 Handler = Callable[[Any], None]
@@ -74,7 +74,7 @@ class Link:
         """Handle all messages that have come, topic by topic; give how many there were."""
         count = 0
         for reader, handle in self._readers.values():
-            for message in reader.take(MOST_TAKEN):
+            for message in reader.take(MAX_TAKEN):
                 if message.sample_info.valid_data:  # else a writer has left
                     count += 1
                     handle(message)

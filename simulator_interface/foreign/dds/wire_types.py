@@ -36,7 +36,7 @@ _PRIMITIVES = {
 }
 _ZEROS = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}
 _EMPTY = MessageField(name=EMPTY_MEMBER, type=FieldType(element="uint8"))
-MOST_BOUNDED = 65535  # elements; cyclonedds bounds no longer ones, and a bound is not on the wire
+MAX_BOUNDED = 65535  # elements; cyclonedds bounds no longer ones, and a bound is not on the wire
 
 Factory = Callable[[], Any]
 
@@ -95,7 +95,7 @@ class WireTypes:
         if held.container == "array":
             return types.array[element, held.size]
         if held.container == "sequence":
-            is_bounded = 0 < held.size <= MOST_BOUNDED
+            is_bounded = 0 < held.size <= MAX_BOUNDED
             return types.sequence[element, held.size] if is_bounded else types.sequence[element]
         return element
 

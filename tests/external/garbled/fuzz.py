@@ -33,7 +33,7 @@ from simulator_interface.external.messages import plain
 from simulator_interface.external.services import Services
 from simulator_interface.external.wire import Unreadable, Wire
 from tests.external.garbled import garbled_clients, garbled_stacks
-from tests.external.garbled.garbling import MOST_BYTES, Garbled, garbled
+from tests.external.garbled.garbling import MAX_BYTES, Garbled, garbled
 from tests.external.garbled.rightful import (
     ROBOTS,
     TASKS,
@@ -104,7 +104,7 @@ def readers_of() -> dict[str, Callable[[Message], object]]:
 def received(made: Garbled, binary: bool) -> Message:
     """Receive a frame over a socket whose other end says no more; a large one by its body."""
     if len(made.frame) > SMALL:
-        if len(made.body) > MOST_BYTES:
+        if len(made.body) > MAX_BYTES:
             raise Unreadable("too long")
         return Wire.decoded(made.body, is_binary=binary)
     ours, theirs = socket.socketpair()

@@ -12,7 +12,7 @@ import numpy as np
 
 Message = dict[str, Any]
 LENGTH = struct.Struct("<I")
-MOST_BYTES = 64 << 20  # of one message, as docs/door.md says
+MAX_BYTES = 64 << 20  # of one message, as docs/door.md says
 
 #: values of every type that an encoding has, and the ends of their ranges
 ODD: tuple[Any, ...] = (
@@ -199,7 +199,7 @@ def other_encoding(message: Message, random: np.random.Generator, binary: bool) 
 
 
 def long_frame(message: Message, random: np.random.Generator, binary: bool) -> bytes:
-    length = int(random.integers(MOST_BYTES + 1, 1 << 32))
+    length = int(random.integers(MAX_BYTES + 1, 1 << 32))
     return LENGTH.pack(length) + packed(message, binary=binary)
 
 
