@@ -1,7 +1,6 @@
 """Put faults into a copy of the code, one at a time, and see whether the tests notice.
 
-    python -m tests.faults.run                                 # the code as it is
-    python -m tests.faults.run --version before --tree DIR     # a work tree of commit 302ad1d
+    python -m tests.faults.run [--only NAME ...]
 
 The tree itself is never changed: its files are linked into a temporary folder, and there a faulty
 file takes the place of a link. First the named tests run without a fault and must pass.
@@ -20,11 +19,10 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.faults.table import Edit, count_of, edit_of, faulty_text, read_faults
+from tests.faults.table import Fault, read_faults
 
 HERE = Path(__file__).resolve().parents[2]
 OPTIONS = ("-x", "-q", "-rfE", "-p", "no:randomly", "-p", "no:cacheprovider")
-LONG = "long:"  # a mark of tests that take minutes, which commit 302ad1d does not have
 FAILED_TEST = re.compile(r"^(?:FAILED|ERROR) (\S+::\S+)", re.MULTILINE)
 MAKE_METADATA = "from setuptools import setup; setup()"  # names the components of this tree
 
@@ -38,21 +36,19 @@ def main() -> int:
         print(f"no such fault: {', '.join(sorted(unknown))}", file=sys.stderr)
         return 2
     chosen = [fault for fault in faults if not options.only or fault.name in options.only]
-    edits = {fault.name: edit_of(fault, options.version) for fault in chosen}
     with tempfile.TemporaryDirectory(prefix="faults-") as made:
         copy = options.keep or Path(made) / "tree"
         _fill_copy(options.tree, copy)
-        if not options.skip_check and not _sound(edits.values(), copy):
+        if not options.skip_check and not _sound(chosen, copy):
             return 2
-        caught = sum(_is_caught(name, edit, copy) for name, edit in edits.items())
-    print(f"{caught} of {len(edits)} faults caught")
-    return 0 if caught == len(edits) else 1
+        caught = sum(_is_caught(fault, copy) for fault in chosen)
+    print(f"{caught} of {len(chosen)} faults caught")
+    return 0 if caught == len(chosen) else 1
 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.faults.run", description=__doc__)
     parser.add_argument("--tree", type=Path, default=HERE, help="work tree to copy (default: this)")
-    parser.add_argument("--version", choices=("before", "now"), default="now")
     parser.add_argument("--only", nargs="+", default=(), metavar="NAME")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="copy to DIR and leave it there")
     parser.add_argument("--skip-check", action="store_true", help="run no test without a fault")
@@ -79,52 +75,50 @@ def _link(source: Path, target: Path) -> None:
         shutil.copy2(source, target)
 
 
-def _sound(edits: Iterable[Edit], copy: Path) -> bool:
+def _sound(faults: Iterable[Fault], copy: Path) -> bool:
     """Whether each fault has its place, and the tests pass without any."""
-    for edit in edits:
-        if count_of(edit, copy) != 1:
-            print(f"{edit.file}: {edit.find!r} occurs {count_of(edit, copy)} times, not once")
+    for fault in faults:
+        if fault.count(copy) != 1:
+            print(f"{fault.file}: {fault.find!r} occurs {fault.count(copy)} times, not once")
             return False
-    tests = list(dict.fromkeys(test for edit in edits for test in edit.tests))
+    tests = list(dict.fromkeys(test for fault in faults for test in fault.tests))
     code, output = _run_tests(tests, copy)
     if code != 0:
         print(f"the tests fail without a fault:\n{output}")
     return code == 0
 
 
-def _is_caught(name: str, edit: Edit, copy: Path) -> bool:
+def _is_caught(fault: Fault, copy: Path) -> bool:
     begun = time.monotonic()
-    path = copy / edit.file
-    faulty, kept = faulty_text(edit, copy), path.with_name(path.name + ".sound")
+    path = copy / fault.file
+    faulty, kept = fault.text(copy), path.with_name(path.name + ".sound")
     path.rename(kept)  # keeps the time stamp, which caches of compiled code go by
     try:
         path.write_text(faulty, encoding="utf-8")
-        code, output = _run_with_fault(edit, faulty, copy)
+        code, output = _run_with_fault(fault, faulty, copy)
     finally:
         path.unlink()
         kept.rename(path)
     noticed = FAILED_TEST.search(output)
     spent = time.monotonic() - begun
     if code == 1 and noticed:
-        print(f"caught      {name}  ({spent:.0f} s, {noticed[1]})", flush=True)
+        print(f"caught      {fault.name}  ({spent:.0f} s, {noticed[1]})", flush=True)
         return True
     why = "" if code == 0 else f", pytest ended with {code}:\n{output}"
-    print(f"NOT caught  {name}  ({spent:.0f} s{why})", flush=True)
+    print(f"NOT caught  {fault.name}  ({spent:.0f} s{why})", flush=True)
     return False
 
 
-def _run_with_fault(edit: Edit, faulty: str, copy: Path) -> tuple[int, str]:
+def _run_with_fault(fault: Fault, faulty: str, copy: Path) -> tuple[int, str]:
     """Run the tests of a fault; compile anew where compiled callers would keep the sound code."""
     if "njit" not in faulty:
-        return _run_tests(edit.tests, copy)
+        return _run_tests(fault.tests, copy)
     with tempfile.TemporaryDirectory(prefix="compiled-") as cache:
-        return _run_tests(edit.tests, copy, NUMBA_CACHE_DIR=cache)
+        return _run_tests(fault.tests, copy, NUMBA_CACHE_DIR=cache)
 
 
 def _run_tests(tests: Iterable[str], copy: Path, **environment: str) -> tuple[int, str]:
-    has_long = LONG in (copy / "pyproject.toml").read_text(encoding="utf-8")
-    chosen = ("-m", "not long") if has_long else ()
-    command = [sys.executable, "-m", "pytest", *OPTIONS, *chosen, *tests]
+    command = [sys.executable, "-m", "pytest", *OPTIONS, "-m", "not long", *tests]
     run = subprocess.run(
         command,
         check=False,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.table import count_of, faulty_text, read_faults
+from tests.faults.table import read_faults
 
 TREE = Path(__file__).resolve().parents[2]
 FAULTS = read_faults()
@@ -24,17 +24,17 @@ def test_there_are_39_faults_of_different_names():
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_every_package_has_a_fault(folder):
-    assert any(fault.now.file.startswith(f"{folder}/") for fault in FAULTS)
+    assert any(fault.file.startswith(f"{folder}/") for fault in FAULTS)
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_has_one_place_and_tests_that_exist(fault):
-    assert count_of(fault.now, TREE) == 1
-    for test in fault.now.tests:
+    assert fault.count(TREE) == 1
+    for test in fault.tests:
         file, _, node = test.partition("::")
         assert f"def {node.partition('[')[0]}" in (TREE / file).read_text()
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_is_no_syntax_error(fault):
-    ast.parse(faulty_text(fault.now, TREE))
+    ast.parse(fault.text(TREE))
