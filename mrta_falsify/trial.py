@@ -72,7 +72,7 @@ class Judged:
     verdicts: tuple[Verdict, ...]  #: that the executed part decides
     margins: dict[str, float]  #: see :mod:`mrta_falsify.specs.objectives`
     descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.descriptors`
-    situations: tuple[str, ...] = ()  #: see :mod:`mrta_falsify.specs.situations`
+    situations: tuple[str, ...] = ()  #: see :mod:`mrta_falsify.specs.descriptors`
     involved: tuple[str, ...] = ()  #: objects that took part when it was nearest to a deadlock
     then: tuple[str, ...] = ()  #: specifications that are looked for last
 

@@ -6,15 +6,38 @@ from pathlib import Path
 from typing import Any
 
 import scenic
-from scenic.core.distributions import needsSampling
+from scenic.core.distributions import Samplable, needsSampling
+from scenic.core.regions import AllRegion, PointInRegionDistribution, PolygonalFootprintRegion
 from scenic.core.scenarios import Scenario
 
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.spelling import nearest_name
 from scenic_worlds.compile_errors import compile_error_text
 from scenic_worlds.primitives import randomness
-from scenic_worlds.pruning import undo_unfaithful_pruning
 from scenic_worlds.shipped import MODEL
+
+
+def undo_unfaithful_pruning(scenario: Scenario) -> None:
+    """Let positions have Scenic's own distribution again where pruning has changed it.
+
+    Args:
+        scenario: compiled by Scenic, changed in place.
+    """
+    for thing in scenario.objects:
+        position = thing.position
+        is_pruned = isinstance(position, Samplable) and position._conditioned is not position
+        if is_pruned and not _keeps_distribution(thing, position):
+            position.conditionTo(position)
+
+
+def _keeps_distribution(thing: Any, position: Samplable) -> bool:
+    """Whether an object's position is pruned without a change of the distribution."""
+    if not isinstance(position, PointInRegionDistribution):
+        return False
+    if isinstance(position.region, (AllRegion, PolygonalFootprintRegion)):
+        return True  # `visible`: only the pruned region can be drawn from
+    mutates = needsSampling(thing.mutationScale) or thing.mutationScale != 0
+    return not mutates and not needsSampling(position._conditioned.region)
 
 
 def compile_scenario(path: Path, params: dict[str, Any]) -> Scenario:

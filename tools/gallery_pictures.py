@@ -22,11 +22,11 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import Arrow, WaitAccount, tick_of, wait_account
 from mrta_falsify.core.world import World
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
+from reports.floor_drawings import place_of
 from reports.floor_plot import draw_floor, draw_label
 from reports.floor_scene import extent_of
 from reports.furnishing import fixed_outlines, movable_outlines
 from reports.moving_scene import robot_outline
-from reports.whereabouts import place_of
 
 DPI = 100
 COLOURS = 128  # of the palette: keeps the files small

@@ -26,7 +26,7 @@ from mrta_falsify.stack import dispatcher
 from mrta_falsify.stack.planning.astar import AStar
 from mrta_falsify.stack.planning_service import PlanningService
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.bench.stopwatch import Stopwatch
+from mrta_falsify.verbs.bench.fleet_speed import Stopwatch
 from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from simulator_interface.costmap_layers import BoundCostmap

@@ -7,7 +7,7 @@ signature. They do not go on: a campaign of two rules would count two things as 
 1. Robots that stand are one kind of failure. Up to commit 73399d2.
 2. Deadlock, stuck and shut by the world are told apart. Up to commit 6271a96.
 3. Scenic's pruning no longer draws position and orientation of an object apart, so a point of the
-   cube may be another world (:mod:`scenic_worlds.pruning`). Judged as by rules 2.
+   cube may be another world (:mod:`scenic_worlds.compiling`). Judged as by rules 2.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,19 +15,48 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.core.world import World
-from mrta_falsify.gym.awaited import AwaitedActions
 from mrta_falsify.gym.drawing import PlayedWorld, WorldSource
 from mrta_falsify.gym.episode_end import EpisodeEnd, episode_end
 from mrta_falsify.specs.library import spec_names
-from mrta_falsify.stack.policy.observation import ACTIONS, Observations, bounds, observe
+from mrta_falsify.stack.policy.observation import ACTIONS, Observations, bounds, observe, twists_of
+from mrta_falsify.stack.policy.policy_controller import on_their_own
 from mrta_falsify.trial import Job, TrialWatch, campaign_specifications, judges_of, summed_up
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from simulator_interface.simulate import EpisodeRun
 
+
+class AwaitedActions:
+    """Answers with a command at rest, which :meth:`act` fills before the frame is used.
+
+    Nothing that a stack says beside the command depends on it. So the frame with the filled
+    command is the one that a controller would have made that knew the actions at once.
+    """
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """None."""
+
+    def __init__(self, options: Options) -> None:
+        del options
+        self.view: ControlView | None = None  #: of the last tick
+        self._twist = np.zeros((0, 3))
+
+    def control(self, view: ControlView) -> ControlResult:
+        """See :class:`~mrta_falsify.core.protocols.Controller`."""
+        self.view, self._twist = view, np.zeros((len(view.pose), 3))
+        return on_their_own(self._twist)
+
+    def act(self, actions: Array) -> None:
+        """Decide the command of the last tick by ``actions`` ``(N, 2)``."""
+        assert self.view is not None, "it was asked"
+        self._twist[:] = twists_of(actions, self.view)
+
+
 CONTACT_COST = 1.0  # m of progress that a tick in contact costs
-AWAITED = "mrta_falsify.gym.awaited:AwaitedActions"
+AWAITED = "mrta_falsify.gym.fleet_env:AwaitedActions"
 #: judged by asking the stack again, which cannot be done to a policy outside
 NEEDS_COPIES = ("repeatable",)
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from mrta_falsify.core.allocation_problem import Stop
 from mrta_falsify.core.arrays import Array
@@ -14,12 +17,43 @@ from mrta_falsify.core.protocols import Controller
 from mrta_falsify.core.world import Task
 from mrta_falsify.stack.activity import Activity, Idle, Off
 from mrta_falsify.stack.dispatcher import DispatcherState
-from mrta_falsify.stack.fingerprint import fingerprint
 from mrta_falsify.stack.headway import Headway
 from mrta_falsify.stack.planning_service import ServiceState
 from mrta_falsify.stack.resources.passage import CLEAR, Passage
 from mrta_falsify.stack.resources.queue import QueueState
 from mrta_falsify.stack.route import Way
+
+
+def fingerprint(value: object, seen: hashlib._Hash) -> None:
+    """Feed ``value`` to ``seen``: arrays by their bytes, objects by their fields in order.
+
+    Components without fields (a planner, options) count by the name of their class.
+    """
+    if isinstance(value, np.ndarray):
+        seen.update(repr((value.dtype.str, value.shape)).encode())
+        seen.update(np.ascontiguousarray(value).tobytes())
+    elif dataclasses.is_dataclass(value):
+        _fields(value, [field.name for field in dataclasses.fields(value)], seen)
+    elif isinstance(value, dict):
+        for key in sorted(value, key=repr):
+            seen.update(repr(key).encode())
+            fingerprint(value[key], seen)
+    elif isinstance(value, (list, tuple)):
+        seen.update(f"[{len(value)}".encode())
+        for item in value:
+            fingerprint(item, seen)
+    elif hasattr(value, "__dict__") and not isinstance(value, type):
+        _fields(value, sorted(vars(value)), seen)
+    else:
+        seen.update(repr(value).encode())
+
+
+def _fields(value: object, names: list[str], seen: hashlib._Hash) -> None:
+    seen.update(type(value).__name__.encode())
+    for name in names:
+        seen.update(name.encode())
+        fingerprint(getattr(value, name), seen)
+
 
 _DRIVING, _PLANNING = Phase.DRIVING, Phase.PLANNING
 
