@@ -16,8 +16,12 @@ Names are resolved on first use (PEP 562), so importing a lower floor never runs
 from __future__ import annotations
 
 import importlib
-import warnings
+import sys
 from typing import Any
+
+from mrta_falsify.core.renamed import RenamedModules, renamed_attribute
+
+sys.meta_path.append(RenamedModules())
 
 #: the commands, and the functions that do their work
 VERBS = {
@@ -87,8 +91,7 @@ def __getattr__(name: str) -> Any:
 
         return metadata.version("mrta-falsify")
     if name in RENAMED:
-        warnings.warn(f"{name} is called {RENAMED[name]} now", DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(__name__), RENAMED[name])
+        return renamed_attribute(__name__, name, RENAMED)
     if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = HOMES[name].partition(":")

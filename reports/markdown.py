@@ -92,7 +92,7 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         yield from (plain(f"{case.repeated[0].upper()}{case.repeated[1:]}."), "")
     if case.jittered:
         failed, runs = case.jittered
-        yield from (f"With small differences it fails in {failed} of {runs} runs.", "")
+        yield from (f"Of {runs} perturbed runs, {failed} fail in a primary specification.", "")
     if case.confirmed:
         yield from (f"Other engines, of the run and its copies: {case.confirmed}.", "")
     if case.rows:

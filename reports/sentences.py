@@ -34,7 +34,7 @@ MAX_EVIDENCE = 4000  # characters of the evidence of one verdict
 CAUSES = {
     "queue": "waits for {resource}: {other} holds it or is ahead in the queue",
     "barrier": "cannot drive on because {other} stands in its path",
-    "cluster": "has a free path but waits for {other}, which is near and moves first",
+    "cluster": "has a free path but stands while {other}, which is near, moves",
     "human": "stands still because {other}, a person, is in the way",
     "wall": "is held back by a solid{solid}",
     "no-path": "has a goal but no path to it{because}",
@@ -152,8 +152,9 @@ def _standing_sentence(verdict: Verdict, when: str) -> str:
     victims = [name for name in account.victims if name not in account.members]
     held_up = ""
     if victims:
-        verb = "is" if len(victims) == 1 else "are"
-        held_up = f"; {listed(victims)} {verb} held up by {'it' if alone else 'them'}"
+        stands = "it stands" if alone else "they stand"
+        gets = "does" if len(victims) == 1 else "do"
+        held_up = f"; while {stands}, {listed(victims)} {gets} not get to the next stop either"
     return f"{shut}{listed(account.members)} {what}{where} (found{when}){since}{held_up}."
 
 
@@ -393,4 +394,5 @@ def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
     times = [f"{time:.1f} s ({cause})" for cause, time in ordered]
     times += [f"{idle:.1f} s (nothing in the way)"] if idle else []
     stood = f"had stood for {listed(times)}" if times else "had not been blocked"
+    stood += ", in part at once" if len(ordered) > 1 else ""
     return f"until {until:.1f} s, {who} {stood}"

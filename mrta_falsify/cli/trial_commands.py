@@ -129,7 +129,9 @@ def show_command(directory: Path, id: str, style: str) -> int:
         output.print_json({**data, "verdicts": verdicts})
         return ExitCode.DONE
     out = output.stdout()
-    out.print(f"trial      {record.id}, {record.status}, engine {record.engine or 'none'}")
+    fate = "failed" if record.failed else "passed"
+    status = fate if record.status == "ok" else record.status
+    out.print(f"trial      {record.id}, {status}, engine {record.engine or 'none'}")
     out.print(f"score      {record.score:+.4f}")
     if record.signature:
         out.print(f"failure    {record.signature}")

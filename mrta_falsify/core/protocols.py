@@ -26,6 +26,7 @@ from mrta_falsify.core.fleet import (
 )
 from mrta_falsify.core.free_space import Disc
 from mrta_falsify.core.polyline import Polylines
+from mrta_falsify.core.renamed import renamed_attribute
 from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailure
 from mrta_falsify.core.steadiness import Memory
 from mrta_falsify.core.verdict import Verdict
@@ -461,3 +462,8 @@ class RepeatingRun(Protocol):
 
     def asked_at_end(self, again: DeterminismCheck) -> None:
         """Take in what a fresh process of the stack answered; the run has ended."""
+
+
+def __getattr__(name: str) -> Any:
+    names = {"Rehearsal": "Preflight", "RehearsingSampler": "PreflightSampler"}
+    return renamed_attribute(__name__, name, names)

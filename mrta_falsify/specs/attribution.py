@@ -46,6 +46,16 @@ LAYER_OF_CAUSE = {
     "no-path": "planner",
     "stalled": "waypoint_generator",  # where only time lost is known; see also _of_standing
 }
+#: what holds a robot up, by cause
+HOLDER_OF_CAUSE = {
+    "queue": "a queue",
+    "barrier": "another robot in its path",
+    "cluster": "a robot near by that moves",
+    "human": "a person",
+    "wall": "a solid",
+    "no-path": "having no path",
+    "stalled": "nothing that is known",
+}
 #: layer that should have prevented the violation, by specification
 LAYER_OF_SPECIFICATION = {
     "no_robot_robot_contact": "controller",
@@ -166,7 +176,7 @@ def _of_standing(verdict: Verdict, trace: Trace) -> Guess:
     layer = LAYER_OF_CAUSE.get(cause, "")
     if len(causes) > 1 and robots:
         return Guess(layer, robots=robots, spent=spent)
-    return Guess(layer, f"{root} is held up by {cause}")
+    return Guess(layer, f"{root} is held up by {HOLDER_OF_CAUSE.get(cause, cause)}")
 
 
 def _is_body(wait: WaitsFor) -> bool:
@@ -200,7 +210,7 @@ def _of_solid(verdict: Verdict, robot: str, trace: Trace) -> Guess:
         return Guess("controller", f"{robot} is at a solid that no path leads it to")
     gap = np.hypot(*np.moveaxis(ahead[:, None] - points[None], -1, 0)).min()
     layer = LAYER_OF_CAUSE["wall"] if gap < TOO_NEAR else "controller"
-    return Guess(layer, f"the path of {robot} passes the solid at {gap:.2f} m")
+    return Guess(layer, f"the path of {robot} comes to {gap:.2f} m of where its rays hit the solid")
 
 
 def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:

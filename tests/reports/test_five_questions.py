@@ -15,6 +15,7 @@ from click.testing import CliRunner
 
 from mrta_falsify.cli import main
 from mrta_falsify.core.defects import defect as planted
+from mrta_falsify.specs.attribution import HOLDER_OF_CAUSE
 from mrta_falsify.verbs import report as reporting
 from tests.reports import newcomer
 from tests.reports.planted import planted_campaign
@@ -74,7 +75,7 @@ def test_which_layer_is_suspected_and_on_what_evidence(case):
     (verdict,) = campaign.records[0].verdicts
     (cause,) = {edge["cause"] for edge in verdict.evidence["cycle"]}
     assert robot in answers.evidence
-    said = {"wall": "passes the solid at"}.get(cause, f" by {cause}")
+    said = "where its rays hit the solid" if cause == "wall" else HOLDER_OF_CAUSE.get(cause, cause)
     assert said in answers.evidence
 
 

@@ -54,7 +54,8 @@ def test_the_headline_names_the_root_first_then_what_took_part_then_who_is_held_
     )
     assert violation_sentence(verdict) == (
         "robot3 is stuck behind bed2 (pushed by porter1) (found at 42.0 s); "
-        "it has made no progress since 40.0 s; robot1 and robot2 are held up by it."
+        "it has made no progress since 40.0 s; while it stands, robot1 and robot2 do "
+        "not get to the next stop either."
     )
     assert who_text(verdict) == "robot3 (robot1, robot2)"
     ring = stuck(*PAIR, members=["robot1", "robot2"], root="robot2", objects=[BED])
@@ -240,7 +241,7 @@ def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected
         (
             {"barrier": 1.0, "queue": 3.0, "stalled": 2.0, "wall": 0.01},
             "until 9.0 s, robot1 had stood for 3.0 s (queue), 1.0 s (barrier) and 2.0 s "
-            "(nothing in the way)",
+            "(nothing in the way), in part at once",
         ),
     ],
 )

@@ -215,7 +215,7 @@ def test_a_generated_hospital_survives_the_way_through_its_nav2_map(tmp_path):
     assert (lethal | ~was).all()
     assert (lethal & ~was).mean() < 0.002
     for before, after in zip(world.rooms, again.rooms, strict=True):
-        assert np.hypot(*(before.door.mean(axis=0) - after.exits.mean(axis=0))) < 0.3
+        assert np.hypot(*(before.door.mean(axis=0) - after.door.mean(axis=0))) < 0.3
         assert Polygon(after.area).area == pytest.approx(Polygon(before.area).area, rel=0.15)
 
 
@@ -308,4 +308,4 @@ def test_the_published_map_becomes_a_floor(reference_data, tmp_path):
     assert unreachable(world) == []
     assert lane_clearance(world) >= 0.3
     for room, known in zip(world.rooms[1:], shipped.rooms[1:], strict=True):
-        assert np.hypot(*(room.door.mean(axis=0) - known.exits.mean(axis=0))) < 0.4
+        assert np.hypot(*(room.door.mean(axis=0) - known.door.mean(axis=0))) < 0.4

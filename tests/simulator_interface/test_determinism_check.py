@@ -17,7 +17,7 @@ EVERY = 20  # ticks
 def asked(hall, controller: str, **more):
     config = StackConfig(
         engine=Choice("kinematic"),
-        controller=Choice(f"mrta_falsify.testing.failing_layers:{controller}", more),
+        controller=Choice(f"tests.failing_stacks:{controller}", more),
     )
     spec = Repeatable(Repeatable.Options(every=EVERY))
     world = dataclasses.replace(hall, horizon=3.0)

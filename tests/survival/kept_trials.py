@@ -21,7 +21,7 @@ TARGET = "tests.survival.kept_trials:open_trials"
 def run() -> tuple[World, Any]:
     """Give a world, and as much of an outcome as is kept."""
     world = hall_world()
-    return world, SimpleNamespace(trace=scripted_trace(world, seconds=4.0), told=None)
+    return world, SimpleNamespace(trace=scripted_trace(world, seconds=4.0), transcript=None)
 
 
 def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:

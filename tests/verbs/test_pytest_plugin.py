@@ -38,7 +38,7 @@ def test_it_does_nothing_unless_it_is_asked(pytester):
 @pytest.mark.slow
 def test_a_stored_failure_is_a_test_that_tells_what_happens(pytester, campaign):
     pytester.makepyfile("def test_other(): pass\n")
-    args = (*PLUGIN, f"--mrta-corpus={campaign.directory}", "--mrta-jittered=0")
+    args = (*PLUGIN, f"--mrta-corpus={campaign.directory}", "--mrta-perturbed=0")
     result = pytester.runpytest_inprocess(*args, "-m", "mrta_corpus")
     result.assert_outcomes(failed=1, deselected=1)
     result.stdout.fnmatch_lines(
@@ -58,7 +58,7 @@ def test_a_stored_failure_is_a_test_that_tells_what_happens(pytester, campaign):
     ("args", "complaint"),
     [
         (("--mrta-corpus", "nowhere"), "*nowhere: is not a campaign directory*"),
-        (("--mrta-jittered", "-1"), "*--mrta-jittered must be from 0 to 100*"),
+        (("--mrta-perturbed", "-1"), "*--mrta-perturbed must be from 0 to 100*"),
     ],
 )
 def test_bad_options_are_usage_errors(pytester, args, complaint):

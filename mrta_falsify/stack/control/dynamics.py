@@ -14,6 +14,7 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.protocols import ControlView
+from mrta_falsify.core.renamed import renamed_attribute
 
 
 class Motion(NamedTuple):
@@ -310,3 +311,7 @@ def _fill_unicycle_twist(
             requested = min(low[i], v + step)
         after[i, 0] = min(max_speed[i], max(-max_speed[i], requested))
         after[i, 2] = min(max_turn_rate[i], max(-max_turn_rate[i], inputs[i, 1]))
+
+
+def __getattr__(name: str) -> Any:
+    return renamed_attribute(__name__, name, {"Wish": "NominalInput"})

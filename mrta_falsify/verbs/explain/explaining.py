@@ -183,12 +183,12 @@ def _explained(
     count.add()  # the trial again
     lab.on_run = count.add
     gone = tuple(count.each(removals_of(job, verdict, trace, count.left, removals)))
-    rows = _rows(job, failure, at, changes, lab, count)
+    rows, untried = _rows(job, failure, at, changes, lab, count, guess)
     reported = tuple(row for row in rows if row.at == rows[-1].at)
     absences, schedules = _changed_runs(
         job, verdict, trace, count, whole or RunJournal(ChangedRun, None)
     )
-    layer, reason = suspicion_from(reported, verdict, guess)
+    layer, reason = suspicion_from(reported, verdict, guess, untried)
     cured = {row.change for row in curing(reported)} if reported else set()
     branches = branches_of(job, failure, changes, cured, reported[0].at if reported else 0.0)
     inevitability = rewind(job, failure, branches, rewinds, lab)
@@ -229,16 +229,26 @@ def _rows(
     changes: Sequence[Change],
     lab: Lab,
     count: RunCount,
-) -> tuple[LayerRow, ...]:
-    """Exchange layers shortly before the onset, and from the start where that says nothing."""
+    guess: str,
+) -> tuple[tuple[LayerRow, ...], tuple[str, ...]]:
+    """Exchange layers shortly before the onset, and from the start where that says nothing.
+
+    Returns:
+        The rows, and the layers that no run was left for from the start; the guessed layer has
+        its runs first.
+    """
     if not changes:
-        return ()
-    rows = rows_of(job, failure, at, changes, count.left, lab)
-    says_nothing = not curing(rows) and not is_knife_edge(rows[0])
-    if at > 0.0 and says_nothing and count.left >= RUNS * (1 + len(changes)):
-        # What was lost long before the onset is not mended by mending the layer that lost it.
-        rows += rows_of(job, failure, 0.0, changes, count.left, lab)
-    return rows
+        return (), ()
+    whole = RUNS * (1 + len(changes)) if at > 0.0 else 0
+    rows = rows_of(job, failure, at, changes, count.left, lab, reserve=whole)
+    if not at or curing(rows) or is_knife_edge(rows[0]) or len(rows) == 1:
+        return rows, ()
+    # What was lost long before the onset is not mended by mending the layer that lost it.
+    ranked = sorted(changes, key=lambda change: change.layer != guess)
+    room = max(0, count.left // RUNS - 1)
+    if room:
+        rows += rows_of(job, failure, 0.0, ranked[:room], count.left, lab)
+    return rows, tuple(dict.fromkeys(change.layer for change in ranked[room:]))
 
 
 def _keep_runs(

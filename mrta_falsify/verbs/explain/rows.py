@@ -99,7 +99,14 @@ def _situation(verdict: Verdict, trace: Trace, robots: tuple[int, ...]) -> Situa
 
 
 def rows_of(
-    job: Job, failure: Failure, at: float, changes: Sequence[Change], most: int, lab: Lab
+    job: Job,
+    failure: Failure,
+    at: float,
+    changes: Sequence[Change],
+    most: int,
+    lab: Lab,
+    *,
+    reserve: int = 0,
 ) -> tuple[LayerRow, ...]:
     """Run the stack as it is, and with each change, in the same copies of the world.
 
@@ -112,6 +119,7 @@ def rows_of(
         at: when a layer is exchanged [s].
         changes: of one layer each.
         most: runs at most; the first round is run whole.
+        reserve: runs of these to leave over as long as no row removes the failure.
         lab: that runs them.
 
     Returns:
@@ -140,7 +148,8 @@ def rows_of(
         return rows
     rows = run(range(1, len(queried)), 0)
     for begun in range(RUNS, MOST, RUNS):
-        if (begun + RUNS) * len(queried) > most or not _may_tell_more(rows):
+        left = most - (0 if curing(rows) else reserve)
+        if (begun + RUNS) * len(queried) > left or not _may_tell_more(rows):
             break
         rows = run(range(len(queried)), begun)
     return rows
@@ -300,13 +309,16 @@ class Suspicion(NamedTuple):
     reason: str
 
 
-def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Suspicion:
+def suspicion_from(
+    rows: Sequence[LayerRow], verdict: Verdict, guess: str, untried: Sequence[str] = ()
+) -> Suspicion:
     """Say which layer the rows name.
 
     Args:
         rows: the stack as it is, first; all exchanged at the same moment.
         verdict: the violated one that explains the failure.
         guess: of the trace alone.
+        untried: layers that no run was left for, from the start; a row is not told from theirs.
     """
     if guess == WORLD:
         return Suspicion(WORLD, "the world shut a place during the run, no layer of the stack did")
@@ -325,6 +337,9 @@ def suspicion_from(rows: Sequence[LayerRow], verdict: Verdict, guess: str) -> Su
         return Suspicion("", f"{NO_LAYER}a knife edge, {told(stack)}")
     if guess == WHOLE:
         return Suspicion(WHOLE, _of_whole(rows))
+    if untried:
+        few = f"{_listed(untried)} not exchanged from the start (--max-runs)"
+        return Suspicion("", f"{NO_LAYER}{'; '.join(map(told, rows))}; {few}")
     names = separating(rows)
     if len(names) == 1:
         own = [row for row in curing(rows) if row.layer == names[0]]

@@ -119,9 +119,10 @@ def decided_sentences(found: Inevitability | None, layer: str) -> tuple[str, ...
 
 
 def _decided(found: Inevitability, layer: str) -> str:
-    by = "" if found.by else ", by no single layer"
-    if found.by and found.by == layer:
-        by = f", by the {found.by.replace('_', ' ')}"
+    by = f", by the {found.by.replace('_', ' ')}" if found.by and found.by == layer else ""
+    others = len(found.curves) - 1
+    if others and not found.by:
+        by = f", and none of {others} exchanges would have averted it from then on"
     if found.decided_at == 0.0:
         return f"It was decided from the start{by}."
     return f"It was decided at {found.decided_at:.1f} s{by}."
