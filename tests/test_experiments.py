@@ -6,6 +6,7 @@ Experiments are called as commands, and nothing of them is imported. Those that 
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -15,16 +16,25 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 CAMPAIGN = ROOT / "tests" / "recorded" / "campaigns" / "stalls"
+STALLS = "same_room_twice_stalls"
+CASE = {
+    "name": "stalls",
+    "kind": "visible",
+    "family": STALLS,
+    "seed": 1,
+    "defects": [STALLS],
+    "label": "waypoint_generator",
+}  #: of experiments.causes
 
 #: commands, those of one row in turn; ``TMP`` is their folder
 COMMANDS = {
     "allocation": ["allocation.generate -o TMP/hard --count 1", "allocation.run late"],
     "campaign overhead": ["campaign.overhead --known 200 --measured 3 --trials 1 --sampler random"],
-    "campaign throughput": ["campaign.throughput --trials 4 --workers 1 --rounds 1"],
+    "campaign throughput": ["campaign.throughput --trials 4 --rounds 1"],
     "campaign unseen": ["campaign.unseen --campaigns 5"],
     "busy machine": ["campaign.busy_machine --budget 2 --busy 1 --only shipped"],
     "rare events": ["campaign.rare --campaigns 2 --p 0.01 --problem corner"],
-    "causes": ["causes draw TMP/cases.jsonl --each 0"],
+    "causes": ["causes run TMP/cases.jsonl -o TMP/causes.jsonl --max-runs 2"],
     "controllers": ["control.bench"],
     "planted faults": ["defects.run --variants 1 --only same_room_twice_stalls --workers 1"],
     "stack outside": ["door.ticks --robots 6 --rounds 1"],
@@ -66,6 +76,7 @@ COMMANDS = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_an_experiment_runs(name, tmp_path):
     shutil.copytree(CAMPAIGN, tmp_path / "campaign")
+    (tmp_path / "cases.jsonl").write_text(json.dumps(CASE) + "\n")
     for command in COMMANDS[name]:
         module, *words = command.replace("TMP", str(tmp_path)).split()
         done = subprocess.run(
