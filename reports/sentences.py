@@ -255,11 +255,6 @@ def _contradiction(row: Mapping[str, Any]) -> str:
     )
 
 
-def not_judged_sentence(verdict: Verdict) -> str:
-    """Say what was missing to judge a specification."""
-    return f"{verdict.spec} is not judged: {verdict.not_judged}."
-
-
 def _place(place: Any) -> str:
     if not isinstance(place, dict) or "near" not in place:
         return ""

@@ -33,15 +33,37 @@ from experiments.allocation.measuring import (
     family,
     stream_ms,
 )
+from mrta_falsify.core.allocation_problem import AllocationProblem
 from mrta_falsify.core.allocation_problem import OpenTask
 from mrta_falsify.core.seeding import stream as random_stream
 from mrta_falsify.stack.allocation.exact import Exact, ExactOptions
 from mrta_falsify.stack.allocation.insertion import Insertion, InsertionOptions
-from mrta_falsify.stack.allocation.objective import completion_bound, objective_value
+from mrta_falsify.stack.allocation.objective import objective_value
 from mrta_falsify.stack.allocation.proving import Prover
 from mrta_falsify.stack.allocation.timing import closed_travel_times
 from mrta_falsify.stack.allocation.verification import verify
 from simulator_interface.formats.smrta import SmrtaCase, read_case, read_travel_times
+
+
+def completion_bound(problem: AllocationProblem) -> float:
+    """Sum of completion times [s] that no plan can undercut.
+
+    Every task as if its best robot had nothing else to do; loads on board count with the
+    robot that has them.
+    """
+    travel, total = problem.travel_times, 0.0
+    carrier = {number: plan for plan in problem.robots for number in plan.onboard}
+    for task in problem.tasks:
+        ends = []
+        able = [plan for plan in problem.robots if task.allows(plan.robot)]
+        for plan in [carrier[task.number]] if task.number in carrier else able:
+            time, room = max(plan.free_at, problem.now), plan.room
+            if task.number not in carrier:
+                time = max(time, task.arrival) + float(travel[room, task.start])
+                time, room = time + task.pickup_time, task.start
+            ends.append(time + float(travel[room, task.end]) + task.dropoff_time)
+        total += min(ends, default=0.0)
+    return total
 
 
 def part_smrta(root: Path) -> dict:

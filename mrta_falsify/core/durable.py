@@ -81,11 +81,6 @@ def place_error_in(error: BaseException | None) -> PlaceError | None:
     return None
 
 
-def tells_of_full_disk(text: str) -> bool:
-    """Say whether what another process has said is about a full disk."""
-    return any(os.strerror(code) in text for code in FULL)
-
-
 # --- files -------------------------------------------------------------------------------
 
 

@@ -30,27 +30,6 @@ def late_weights_of(objective: Objective) -> Weights:
     return _WEIGHTS[objective]._replace(completion=1.0, own=LATE_OWN)
 
 
-def completion_bound(problem: AllocationProblem) -> float:
-    """Sum of completion times [s] that no plan can undercut.
-
-    Every task as if its best robot had nothing else to do; loads on board count with the
-    robot that has them.
-    """
-    travel, total = problem.travel_times, 0.0
-    carrier = {number: plan for plan in problem.robots for number in plan.onboard}
-    for task in problem.tasks:
-        ends = []
-        able = [plan for plan in problem.robots if task.allows(plan.robot)]
-        for plan in [carrier[task.number]] if task.number in carrier else able:
-            time, room = max(plan.free_at, problem.now), plan.room
-            if task.number not in carrier:
-                time = max(time, task.arrival) + float(travel[room, task.start])
-                time, room = time + task.pickup_time, task.start
-            ends.append(time + float(travel[room, task.end]) + task.dropoff_time)
-        total += min(ends, default=0.0)
-    return total
-
-
 def objective_value(problem: AllocationProblem, answer: Allocation, objective: Objective) -> float:
     """Value of the objective [s]; smaller is better.
 

@@ -23,11 +23,6 @@ class RunCount:
         """Runs that are allowed still."""
         return self.most - self.done
 
-    def allowing(self, more: int) -> RunCount:
-        """Allow this many runs from now on, whatever is left."""
-        self.most = self.done + more
-        return self
-
     def add(self) -> None:
         """Count one run."""
         self.done += 1
