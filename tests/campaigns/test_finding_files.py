@@ -24,8 +24,8 @@ from mrta_falsify.core.findings import (
     Minimisation,
     Removal,
     ReplayCheck,
-    RunCount,
     Standing,
+    VoteCount,
 )
 from mrta_falsify.core.verdict import Verdict
 from tests.reports.decided import DECIDED as INEVITABILITY
@@ -37,7 +37,7 @@ EXPLANATION = Explanation(
     reason="changing it, and nothing else, removes the failure",
     changed_at=12.5,
     counterfactuals=(Counterfactual(layer="planner", change="planner: ompl", failure_gone=True),),
-    jittered=RunCount(runs=20, failed=18),
+    jittered=VoteCount(runs=20, failed=18),
     runs=33,
     removals=(Removal(robot="a", time=22.5, go_on=("b",), stay=("c",)),),
 )

@@ -19,7 +19,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import RobotSpec, World
 from simulator_interface.episode import Episode
-from simulator_interface.external import conversation
+from simulator_interface.external import session
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.process import named_in
 from simulator_interface.heartbeat import Post, at_post
@@ -117,7 +117,7 @@ def test_no_answer_within_the_limit_is_a_hang(hall, how):
 
 
 def test_questions_without_end_are_no_answer(hall, monkeypatch):
-    monkeypatch.setattr(conversation, "MAX_QUESTIONS", 20)
+    monkeypatch.setattr(session, "MAX_QUESTIONS", 20)
     evidence = failure_of(hall, "inquires")
     assert evidence["kind"] == "answer"
     assert evidence["message"] == "`tick` was answered by 20 questions"

@@ -12,7 +12,7 @@ import yaml
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Lane, Resource
 from mrta_falsify.verbs.export import export
-from mrta_falsify.verbs.issue import goals_of
+from simulator_interface.formats.nav2_goals import goals_of
 from simulator_interface.formats.open_rmf import building_map, dispatch_script
 
 

@@ -38,7 +38,7 @@ from mrta_falsify.verbs.ci.project import ProjectFile
 from mrta_falsify.verbs.stored_trials import trial_rows
 from scenic_worlds.zoo import SceneFile
 from simulator_interface.engines.robot_models import RobotModel
-from simulator_interface.external import told
+from simulator_interface.external import transcript
 from simulator_interface.external.answers import Reader, Wrong
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings
 from simulator_interface.foreign.ros_nodes.launching import LaunchFile
@@ -55,7 +55,14 @@ MAX_TEXT = 2000  # characters of one sentence
 ROOTS: tuple[type, ...] = (
     *(World, StackConfig, TrialRecord, CampaignSettings, Explanation, Minimisation, ReplayCheck),
     *(Certificate, Ledger, ProjectFile, SceneFile, RobotModel, BridgeSettings, LaunchFile),
-    *(FloorFile, PerturbedRuns, trace._Table, told._Head, mrta_sim._Testcase, mrta_sim._Setup),
+    *(
+        FloorFile,
+        PerturbedRuns,
+        trace._Table,
+        transcript._Head,
+        mrta_sim._Testcase,
+        mrta_sim._Setup,
+    ),
     *(mrta_sim._Route, nav2._Description),
 )
 
