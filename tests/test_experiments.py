@@ -28,7 +28,7 @@ CASE = {
 
 #: commands, those of one row in turn; ``TMP`` is their folder
 COMMANDS = {
-    "allocation": ["allocation.generate -o TMP/hard --count 1", "allocation.run late"],
+    "allocation": ["allocation.generate -o TMP/hard --count 1", "allocation.run cold"],
     "campaign overhead": ["campaign.overhead --known 200 --measured 3 --trials 1 --sampler random"],
     "campaign throughput": ["campaign.throughput --trials 4 --rounds 1"],
     "campaign unseen": ["campaign.unseen --campaigns 5"],
