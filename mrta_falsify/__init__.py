@@ -55,6 +55,9 @@ VERBS = {
 #: names that changed; the old one still works, with a warning
 RENAMED = {"door_test": "stack_test"}
 
+#: names that are gone, and what does their work
+REMOVED = {"bisect_failures": "`git bisect run` with `corpus --only` (docs/every-day.md)"}
+
 _NAMES_OF = {
     "mrta_falsify.verbs.campaign": ("CampaignResult", "resume_campaign"),
     "mrta_falsify.verbs.campaign_settings": ("new_settings",),
@@ -92,6 +95,8 @@ def __getattr__(name: str) -> Any:
         return metadata.version("mrta-falsify")
     if name in RENAMED:
         return renamed_attribute(__name__, name, RENAMED)
+    if name in REMOVED:
+        raise AttributeError(f"{__name__}.{name} is gone: {REMOVED[name]}")
     if name not in HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, attribute = HOMES[name].partition(":")

@@ -389,5 +389,5 @@ def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
     times = [f"{time:.1f} s ({cause})" for cause, time in ordered]
     times += [f"{idle:.1f} s (nothing in the way)"] if idle else []
     stood = f"had stood for {listed(times)}" if times else "had not been blocked"
-    stood += ", in part at once" if len(ordered) > 1 else ""
+    stood += " (times may overlap)" if len(ordered) > 1 else ""
     return f"until {until:.1f} s, {who} {stood}"

@@ -48,7 +48,7 @@ class AutoSampler:
         robust: bool = False  #: whether knife edges are not wanted
         loads: bool = True  #: whether loads are driven up
         kin: bool = True  #: whether coincidences are proposed and learnt
-        preflight: bool = True  #: whether scenes are looked at, where they can be
+        rehearse: bool = True  #: whether scenes are looked at, where they can be
         weigh: bool = True  #: whether the model chooses among demanding scenes
         edges: bool = True  #: whether knife edges have children
 
@@ -74,7 +74,7 @@ class AutoSampler:
 
     def rehearse_by(self, preflight: Preflight) -> None:
         """See :class:`~mrta_falsify.core.protocols.PreflightSampler`."""
-        if self._options.preflight:
+        if self._options.rehearse:
             shared = Preflights(preflight)
             self._model.rehearse_by(shared)
             self._demanding = DemandingSampler(self._of_demanding)

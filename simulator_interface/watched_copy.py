@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
 from mrta_falsify.core.interruption import signals_held
-from mrta_falsify.core.process_clock import ProcessClock, read_process
+from mrta_falsify.core.process_clock import ProcessClock, descendants, read_process
 from mrta_falsify.core.stack_failure import (
     GIB,
     FailureKind,
@@ -148,8 +148,9 @@ class WatchedCopy:
         if self._ours.closed or os.getpid() != self._owner:
             return
         if self._process and self._status is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._process, signal.SIGKILL)
+            for process in (*descendants(self._process), self._process):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(process, signal.SIGKILL)
             self._has_ended(wait=True)
         with contextlib.suppress(OSError):  # garbage collection may have closed it before
             self._ours.close()

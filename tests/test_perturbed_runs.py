@@ -164,7 +164,7 @@ def test_without_another_stack_nothing_is_asked_of_one(hall):
     judged = run(-0.5)
     said = judged_by_vote(hall, judged, COPIES, one)
     assert said.other is None
-    assert record_of(said, judged).wanted
+    assert record_of(said, judged).is_robust
     assert record_of(said, judged).score == pytest.approx(-4 / 5)
 
 

@@ -249,6 +249,7 @@ def minimize_command(
     help="Work and sleep of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
 )
 @click.option("--only", multiple=True, metavar="ID", help="Run this failure. Repeatable.")
+@removed_option("--build", "the script that `git bisect run` calls builds (docs/every-day.md)")
 @removed_option(
     "--bisect", "`git bisect run` calls `mrta-falsify corpus DIR --only ID` (docs/every-day.md)"
 )

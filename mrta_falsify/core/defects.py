@@ -97,4 +97,5 @@ def _faulty(part: type, names: tuple[str, ...]) -> type:
     )
     if not faults:
         return part
-    return type(part.__name__, (*faults, part), {"__module__": part.__module__})
+    bases = (*dict.fromkeys(faults), part)
+    return type(part.__name__, bases, {"__module__": part.__module__})

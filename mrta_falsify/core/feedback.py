@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import SearchSpace
 from mrta_falsify.core.codec import later, quantity
+from mrta_falsify.core.renamed import renamed_attribute
 
 #: descriptors of how much a run asked of the stack, see :mod:`mrta_falsify.specs.loads`
 LOADS = ("queue", "waiting", "chain", "crowd", "waited", "rerouted")
@@ -173,3 +174,7 @@ class Estimates:
     uniform_trials: int = 0  #: independent uniform trials, their number fixed beforehand
     uniform_failures: int = 0  #: violations among them
     waiting_for: str = ""  #: why there are no repeats yet
+
+
+def __getattr__(name: str) -> Any:
+    return renamed_attribute(__name__, name, {"Rehearsed": "SceneLoads"})

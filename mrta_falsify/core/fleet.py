@@ -174,3 +174,8 @@ class Frame:
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
     tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode
     determinism: DeterminismCheck | None = None  #: what the stack answered again; None: not asked
+
+    @property
+    def asked_again(self) -> DeterminismCheck | None:
+        """The same by its name up to 0.1, which specifications of users read."""
+        return self.determinism

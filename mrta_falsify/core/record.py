@@ -6,7 +6,7 @@ import functools
 import importlib.metadata
 import platform
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
@@ -17,6 +17,7 @@ from mrta_falsify.core.probability import (
     chance_of_failure,
     interval_text,
 )
+from mrta_falsify.core.renamed import renamed_member
 from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
 
@@ -227,6 +228,10 @@ class TrialRecord:
         """
         is_shared = self.jittered is None or self.jittered.robust
         return self.is_primary and is_shared and (self.other is None or self.other.passes_most)
+
+    def __getattr__(self, name: str) -> Any:
+        names = {"wanted": "is_robust", "is_sought": "is_primary"}
+        return renamed_member(self, name, names)
 
     @property
     def confirmation(self) -> str:

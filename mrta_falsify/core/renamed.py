@@ -15,6 +15,7 @@ from typing import Any, ParamSpec, TypeVar
 
 #: modules that documentation named, and where their content is now
 MODULES = {
+    "mrta_falsify.bare_floor": "mrta_falsify.static_floor",
     "mrta_falsify.campaigns.attribution": "mrta_falsify.specs.attribution",
     "mrta_falsify.copies": "mrta_falsify.perturbed_runs",
     "mrta_falsify.rehearsal": "mrta_falsify.preflight",
@@ -62,12 +63,30 @@ def renamed_attribute(module: str, name: str, names: Mapping[str, str]) -> Any:
     """
     if name not in names:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
-    _warn(f"{module}.{name}", names[name])
+    _warn(f"{module}.{name}", names[name], depth=4)
     return getattr(sys.modules[module], names[name])
 
 
-def _warn(old: str, new: str) -> None:
-    warnings.warn(f"{old} is called {new} now", DeprecationWarning, stacklevel=3)
+def renamed_member(value: object, name: str, names: Mapping[str, str]) -> Any:
+    """Give an attribute of a value by its old name; for the ``__getattr__`` of its class.
+
+    Args:
+        value: whose attribute it is.
+        name: that is asked for.
+        names: old name -> name now.
+
+    Raises:
+        AttributeError: it is no old name either.
+    """
+    kind = type(value).__name__
+    if name not in names:
+        raise AttributeError(f"{kind!r} object has no attribute {name!r}")
+    _warn(f"{kind}.{name}", names[name], depth=4)
+    return getattr(value, names[name])
+
+
+def _warn(old: str, new: str, *, depth: int = 3) -> None:
+    warnings.warn(f"{old} is called {new} now", DeprecationWarning, stacklevel=depth)
 
 
 class RenamedModules(MetaPathFinder, Loader):

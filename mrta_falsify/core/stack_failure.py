@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.renamed import renamed_attribute
 
 #: crash: an exception, or the end of the process; hang: no answer to a tick; memory: too much of
 #: it; answer: not a number, or of a wrong shape
@@ -69,3 +70,7 @@ class DeterminismCheck:
     difference: OtherAnswer | None = None  #: the first one
     ticks: int = 1  #: that were asked again
     why_not: str = ""  #: why none could be, in words
+
+
+def __getattr__(name: str) -> Any:
+    return renamed_attribute(__name__, name, {"AskedAgain": "DeterminismCheck"})

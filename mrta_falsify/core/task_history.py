@@ -9,7 +9,7 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 
 LATE_OR_UNDONE = ("deadlines", "all_tasks_done")  #: specifications of what became of tasks
-MAX_KEPT = 6  # tasks of one verdict that get a sentence each
+MAX_SENTENCES = 6  # tasks of one verdict that get a sentence each
 
 
 def tasks_of(verdict: Verdict) -> list[int]:
@@ -35,9 +35,9 @@ def last_robots(trace: Trace) -> dict[int, str]:
 
 def stories(tasks: list[int], world: World, trace: Trace) -> list[str]:
     """Tell what became of the first of ``tasks``, a sentence each, and count the others."""
-    told = [story(task, world, trace) for task in tasks[:MAX_KEPT] if task < len(world.tasks)]
-    if len(tasks) > MAX_KEPT:
-        told.append(f"{len(tasks) - MAX_KEPT} further tasks.")
+    told = [story(task, world, trace) for task in tasks[:MAX_SENTENCES] if task < len(world.tasks)]
+    if len(tasks) > MAX_SENTENCES:
+        told.append(f"{len(tasks) - MAX_SENTENCES} further tasks.")
     return told
 
 

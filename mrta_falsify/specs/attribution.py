@@ -270,7 +270,7 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> Guess:
     given = {event.task for event in trace.events if event.kind == "assigned"}
     forgotten = [task for task in tasks if task not in given]
     if forgotten:
-        if _was_allocated(forgotten, trace):
+        if _was_considered(forgotten, trace):
             return Guess("allocator", "it was asked about the task and gave it to no robot")
         return Guess(DISPATCHER, "the task was given to no robot, and the allocator not asked")
     layer = "" if is_outcome(verdict) or tasks else "controller"
@@ -283,7 +283,7 @@ def _of_lost_time(verdict: Verdict, trace: Trace) -> Guess:
     return Guess(layer, robots=tuple(robots), spent=spent)
 
 
-def _was_allocated(tasks: Sequence[int], trace: Trace) -> bool:
+def _was_considered(tasks: Sequence[int], trace: Trace) -> bool:
     """Whether the allocator was asked about one of ``tasks``: it left it out, or was refused."""
     notes = [event.detail for event in trace.events if event.kind == "allocated"]
     named = {int(number) for note in notes for number in re.findall(r"\d+", note)}

@@ -7,6 +7,7 @@ Each class takes the place of the part it derives from while its defect is switc
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem
@@ -200,12 +201,17 @@ class _Unfurnished(BoundCostmap):
         super().furnish(())
 
 
+@functools.lru_cache(maxsize=4)  # one object for each world, as maps are kept by it
+def _without_furniture(world: World) -> World:
+    return dataclasses.replace(world, furniture=())
+
+
 class BlindToFurniture(LayeredCostmap):
     """Furniture is missing from the costmap."""
 
     def bind(self, world: World) -> BoundCostmap:
         """See :meth:`LayeredCostmap.bind`."""
-        return _Unfurnished(dataclasses.replace(world, furniture=()), self._options)
+        return _Unfurnished(_without_furniture(world), self._options)
 
 
 # --- controller -------------------------------------------------------------------------------
@@ -261,9 +267,8 @@ class FollowersBrake(ClusterCbf):
 class CrossesRows(ClusterCbf):
     """Barrier rows of a cluster use another robot's state; the kernel has this fault itself."""
 
-    def __init__(self, options: ClusterCbf.Options) -> None:
-        super().__init__(options)
-        self.steering = Steering(options, crosses_rows=True)
+    def _steering(self, options: ClusterCbf.Options) -> Steering:
+        return Steering(options, crosses_rows=True)
 
 
 # --- what is registered ------------------------------------------------------------------------

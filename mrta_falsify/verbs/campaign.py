@@ -33,6 +33,7 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.interruption import propagate_interrupts
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.renamed import renamed_keywords
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
@@ -64,6 +65,7 @@ class CampaignResult:
         return f"<CampaignResult of {self.campaign!r}, ended: {self.ended}>"
 
 
+@renamed_keywords(on_told="on_feedback")
 def campaign(
     scenario: Place,
     output: Place,
@@ -175,6 +177,7 @@ def campaign(
         )
 
 
+@renamed_keywords(on_told="on_feedback")
 def resume_campaign(
     directory: Place,
     *,

@@ -34,7 +34,7 @@ import msgpack
 import numpy as np
 
 PROTOCOL = (1, 1)  #: major and minor version that this file speaks
-MAX_BYTES = 64 << 20  #: of one message
+MOST_BYTES = 64 << 20  #: of one message
 _LENGTH = struct.Struct("<I")
 _T = TypeVar("_T")
 
@@ -69,7 +69,7 @@ class Connection:
         link: a connected stream socket; it is closed with the connection.
     """
 
-    most = MAX_BYTES  #: of one message that is received
+    most = MOST_BYTES  #: of one message that is received
 
     def __init__(self, link: socket.socket) -> None:
         self._link = link

@@ -22,7 +22,7 @@ from mrta_falsify.core.archives import DAMAGE, read_json_member, read_member
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import FormatError
 from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailure
-from simulator_interface.clients.mrta_stack import MAX_BYTES
+from simulator_interface.clients.mrta_stack import MOST_BYTES
 from simulator_interface.external.answers import Ready
 
 TRANSCRIPT_NAME = "answers.zip"
@@ -31,7 +31,7 @@ TRANSCRIPT_NAME = "answers.zip"
 QUESTIONS = 2
 BLOCK = 1 << 18  # bytes that are deflated at once
 MAX_PACKED = 2**30  # bytes of all answers of a run, deflated
-MAX_KEPT = 8 * 2**30  # bytes of them as they were said
+MAX_UNPACKED = 8 * 2**30  # bytes of them as they were said
 _LENGTH = struct.Struct("<I")
 _HEAD, _BODY = "told.json", "answers"
 
@@ -57,12 +57,14 @@ class Transcript:
             except zlib.error as error:
                 raise FormatError(f"{TRANSCRIPT_NAME}: the answers are damaged: {error}") from None
             rest, total, start = rest + more, total + len(more), 0
-            if total > MAX_KEPT:
-                raise FormatError(f"{TRANSCRIPT_NAME}: answers of over {MAX_KEPT / 2**30:.0f} GB")
+            if total > MAX_UNPACKED:
+                raise FormatError(
+                    f"{TRANSCRIPT_NAME}: answers of over {MAX_UNPACKED / 2**30:.0f} GB"
+                )
             while len(rest) >= start + _LENGTH.size:
                 (length,) = _LENGTH.unpack_from(rest, start)
                 end = start + _LENGTH.size + length
-                if not 0 < length <= MAX_BYTES:
+                if not 0 < length <= MOST_BYTES:
                     raise FormatError(f"{TRANSCRIPT_NAME}: an answer of {length} bytes")
                 if len(rest) < end:
                     break

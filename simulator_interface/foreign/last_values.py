@@ -51,7 +51,7 @@ class LastValue:
             stale_after: simulated time after which one does not [s].
         """
         oldest = self.now - round(stale_after * NANO)
-        counts = [NEVER < value >= oldest for value in self.published_at]
+        counts = [NEVER < time >= oldest for time in self.published_at]
         return np.where(np.array(counts, dtype=np.bool_)[:, None], self._twist, 0.0)
 
     def goals(self) -> Array:

@@ -51,5 +51,5 @@ def test_tasks_are_read_from_a_verdict_and_lead_to_their_robots(hall, late):
 
 def test_many_tasks_are_counted_instead_of_told(hall, late):
     told = errands.stories([0] * 9, hall, late)
-    assert len(told) == errands.MAX_KEPT + 1
+    assert len(told) == errands.MAX_SENTENCES + 1
     assert told[-1] == "3 further tasks."

@@ -241,7 +241,7 @@ def test_the_evidence_of_other_violations_is_in_their_sentence(verdict, expected
         (
             {"barrier": 1.0, "queue": 3.0, "stalled": 2.0, "wall": 0.01},
             "until 9.0 s, robot1 had stood for 3.0 s (queue), 1.0 s (barrier) and 2.0 s "
-            "(nothing in the way), in part at once",
+            "(nothing in the way) (times may overlap)",
         ),
     ],
 )

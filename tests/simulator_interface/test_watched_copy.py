@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -124,9 +125,17 @@ def test_a_call_of_the_stack_that_takes_too_long_is_killed():
     assert any(place.function == "burn" for place in failed.places)
 
 
+BURNS = "while True: pass  # of a watched copy"
+
+
 def a_child_burns() -> None:
-    program = "while True: pass"
-    subprocess.run([sys.executable, "-S", "-c", program], check=True)
+    subprocess.run([sys.executable, "-S", "-c", BURNS], check=True)
+
+
+def burning() -> list[str]:
+    """List the processes that such a call has started."""
+    commands = (path.read_bytes() for path in Path("/proc").glob("[0-9]*/cmdline"))
+    return [command.decode() for command in commands if BURNS.encode() in command]
 
 
 @pytest.mark.parametrize(
@@ -142,6 +151,7 @@ def test_a_call_of_the_stack_that_gives_no_answer_hangs_whatever_it_does(work):
     with pytest.raises(CopyFailed) as caught:
         asked(in_stack(work))
     assert caught.value.kind == "hang"
+    assert burning() == []
 
 
 def test_time_outside_the_stack_and_time_to_compile_do_not_count():

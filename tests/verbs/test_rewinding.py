@@ -91,7 +91,7 @@ def test_the_time_when_chance_alone_decided_it_is_found(scripted):
     found = scripted(lambda name, time, number: time >= turns[name] or number % 4 == 0, PLANNER)
     assert found.by == ""
     assert 20.0 <= found.decided_at <= 20.5
-    assert "none of 1 exchanges would have averted it" in decided_sentences(found, "")[0]
+    assert "the one exchange tried would not have averted it" in decided_sentences(found, "")[0]
 
 
 def test_times_next_to_the_turn_get_copies_until_one_half_is_left_out(scripted):

@@ -70,7 +70,7 @@ class ClusterCbf:
         recovery: bool = True  #: back up where a solid holds a robot; never if it is holonomic
 
     def __init__(self, options: Options) -> None:
-        self.steering = Steering(options)
+        self.steering = self._steering(options)
         self._state: ControllerState | None = None
         braking = options.followers == "brake"
         self._rules = Rules(
@@ -102,6 +102,10 @@ class ClusterCbf:
             slack=answer.slack,
             fallback=~answer.usable,
         )
+
+    def _steering(self, options: ClusterCbf.Options) -> Steering:
+        """Build what turns nominal inputs into twists."""
+        return Steering(options)
 
     def _obeys(self, state: ControllerState) -> bool:
         """Whether followers carry out their leader's command at this tick."""
@@ -163,7 +167,7 @@ def _decide_crew(
     memory: tuple[Array, Array],
     result: tuple[Any, ...],
 ) -> bool:
-    """Bring the crew to this tick: perception, manoeuvres, nominal.
+    """Bring the crew to this tick: perception, manoeuvres, nominal inputs.
 
     Args:
         crew: of the last tick; written.

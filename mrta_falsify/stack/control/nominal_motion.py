@@ -1,4 +1,4 @@
-"""From manoeuvres to nominal, and robots that are stuck although nothing asked them to wait."""
+"""From manoeuvres to nominal inputs; robots that are stuck although nothing makes them wait."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NominalInputs(NamedTuple):
 
     numbers: IntArray  #: (3, N) group, cluster and leader
     target: Array  #: (N, 2) [m], nan: brake
-    figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its nominal
+    figures: Array  #: (3, N) speed, turn threshold, price of moving a robot from its nominal motion
     reverse: BoolArray  #: (N,) who drives backwards
 
 
@@ -35,7 +35,7 @@ def fill_nominal(
     leader_weight: float,
     nominal: NominalInputs,
 ) -> None:
-    """Turn choices to nominal, groups and prices; robots outside go their own way.
+    """Turn choices to nominal inputs, groups and prices; robots outside go their own way.
 
     Args:
         crew: robots, surveyed; anchors, suspended leads and times of commands are written.

@@ -1,4 +1,4 @@
-"""From nominal to twists: the part that all barrier controllers share.
+"""From nominal inputs to twists: the part that all barrier controllers share.
 
 ``Steering.steer`` is one tick of it: ``program`` (limits, rows, reference inputs), ``solve``,
 then twists. The steps are public, so that a benchmark can time the program alone.
@@ -58,7 +58,7 @@ class Scene:
     group: IntArray  #: (N,) robots of equal number decide together, < 0: not at all
     share: Array  #: (N, N) of a demand that a robot (row) takes against one of another group
     nominal: NominalInput
-    weight: Array  #: (N,) price of moving a robot away from its nominal
+    weight: Array  #: (N,) price of moving a robot away from its nominal motion
 
 
 class InputLimits(NamedTuple):
@@ -114,7 +114,7 @@ class Steering:
         self._slack_weight = options.slack_weight
 
     def steer(self, view: ControlView, scene: Scene) -> tuple[FleetInputs, Array]:
-        """Find the inputs nearest to the nominal that keep clear, and body twists ``(N, 3)``."""
+        """Find the nearest inputs to the nominal ones that keep clear, and twists ``(N, 3)``."""
         program = self.program(view, scene)
         answer = self.solve(program)
         limits = program.limits

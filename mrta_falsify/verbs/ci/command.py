@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import PlaceError
+from mrta_falsify.core.renamed import renamed_keywords
 from mrta_falsify.verbs.campaign import OnFeedback
 from mrta_falsify.verbs.ci.project import PROJECT_NAME, read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
@@ -20,6 +21,7 @@ from reports.page import write_page
 PAGE_NAME = "report.html"  # in what is kept
 
 
+@renamed_keywords(on_told="on_feedback")
 def ci(
     project: Place = PROJECT_NAME,
     output: Place | None = None,

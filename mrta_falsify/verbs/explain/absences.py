@@ -56,18 +56,18 @@ def absences_of(
     Yields:
         What each run gave, and what there were no runs for.
     """
-    primary_and_secondary = looking_for(job, verdict)
+    looking = looking_for(job, verdict)
     until = count.done + most
     waiting = deque(_first_chunks(job.world))
     while waiting:
         chunk = waiting.popleft()
-        smaller = _smaller(primary_and_secondary.world, chunk, had)
+        smaller = _smaller(looking.world, chunk, had)
         if smaller is None and len(chunk.gone) > 1:
             waiting.extend(_halves(chunk))
             continue
         told = _asked(job.world, chunk, smaller)
         if smaller is not None and count.done < until:
-            changed = dataclasses.replace(primary_and_secondary, world=smaller.world)
+            changed = dataclasses.replace(looking, world=smaller.world)
             told = _run(changed, verdict, told, journal)
             count.add()
         yield told

@@ -200,11 +200,11 @@ def run_to_keep(
     Returns:
         None if no copy was run that does.
     """
-    experiments = "fails" if change is None else "passes"
+    fate = "fails" if change is None else "passes"
     for number in range(1, MOST + 1):
         experiment = experiment_of(job, failure, row.at, change, number)
         known = lab.journal.answers.get(experiment.digest())
-        if known is not None and fate_of(known, failure, since=row.at) == experiments:
+        if known is not None and fate_of(known, failure, since=row.at) == fate:
             return experiment
     return None
 

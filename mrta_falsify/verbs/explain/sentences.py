@@ -120,9 +120,10 @@ def decided_sentences(found: Inevitability | None, layer: str) -> tuple[str, ...
 
 def _decided(found: Inevitability, layer: str) -> str:
     by = f", by the {found.by.replace('_', ' ')}" if found.by and found.by == layer else ""
-    others = len(found.curves) - 1
-    if others and not found.by:
-        by = f", and none of {others} exchanges would have averted it from then on"
+    exchanged = sum(curve.replaced == "layer" for curve in found.curves)
+    if exchanged and not found.by:
+        none = "the one exchange tried would not" if exchanged == 1 else "no exchange tried would"
+        by = f", and {none} have averted it from then on"
     if found.decided_at == 0.0:
         return f"It was decided from the start{by}."
     return f"It was decided at {found.decided_at:.1f} s{by}."

@@ -166,8 +166,8 @@ def _headline(
     count = primary_modes(found)
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
-    primary_and_secondary = " that is looked for first" if last else ""
-    first = f"{sought} of {judged} trials {verb} a specification{primary_and_secondary}, in {kinds}"
+    which = " that is looked for first" if last else ""
+    first = f"{sought} of {judged} trials {verb} a specification{which}, in {kinds}"
     first += f": {kinds_text({**counts, 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"

@@ -129,8 +129,8 @@ class Awaited:
         """List the active robots whose command is due."""
         return [
             robot
-            for robot, value in enumerate(self._heard.published_at)
-            if value != self._given_up[robot] and self._heard.now - value >= self._period
+            for robot, time in enumerate(self._heard.published_at)
+            if time != self._given_up[robot] and self._heard.now - time >= self._period
         ]
 
 

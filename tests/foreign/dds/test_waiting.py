@@ -101,7 +101,7 @@ def test_commands_that_an_acknowledgement_has_overtaken_are_waited_for():
         *(9, scene.link.acknowledge(9, 2)),
         *(scene.command(1, 9), nothing, scene.command(0, 9), nothing),
     )
-    assert scene.heard.said_at == [9, 9]
+    assert scene.heard.published_at == [9, 9]
     assert scene.link.script == [nothing]
 
 
@@ -139,7 +139,7 @@ def test_a_robot_that_has_been_commanded_is_waited_for_until_its_command_of_this
     scene.tick(1, scene.command(0, 1))
     scene.tick(2, nothing, scene.command(0, 1), scene.command(0, 2), nothing)
     assert scene.link.script == [nothing]
-    assert scene.heard.said_at[0] == 2
+    assert scene.heard.published_at[0] == 2
 
 
 def test_a_robot_without_a_command_costs_one_limit_and_counts_again_once_it_speaks():
@@ -151,7 +151,7 @@ def test_a_robot_without_a_command_costs_one_limit_and_counts_again_once_it_spea
     assert scene.link.waits == waited
     scene.tick(4, scene.command(1, 4))
     scene.tick(5, nothing, scene.command(1, 5))
-    assert scene.heard.said_at[1] == 5
+    assert scene.heard.published_at[1] == 5
 
 
 def test_a_slower_robot_is_waited_for_when_its_next_command_is_due():
@@ -179,4 +179,4 @@ def test_messages_are_taken_while_time_passes():
     scene = Scene(coupling="paced", rate=1.0)
     scene.tick(0)
     scene.tick(NANO // 50, nothing, scene.command(0, 3))
-    assert scene.heard.said_at[0] == 3
+    assert scene.heard.published_at[0] == 3
