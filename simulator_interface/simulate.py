@@ -9,6 +9,7 @@ from __future__ import annotations
 import time as wall_clock
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
