@@ -22,7 +22,7 @@ from tests.external.garbled.garbling import Garbled, framed, garbled, packed
 from tests.external.garbled.tally import Tally, no_sentence
 
 HERE = Path(__file__).parent
-CLIENTS = HERE.parents[1] / "simulator_interface" / "clients"
+CLIENTS = HERE.parents[2] / "simulator_interface" / "clients"
 LIMIT = 20.0  # s until a client has ended, on a busy machine
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 WHERE = ("hello", "world", "tick", "tick", "path")

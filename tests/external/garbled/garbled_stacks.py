@@ -28,7 +28,7 @@ from tests.external.garbled.rightful import Message, command_message, hall, read
 from tests.external.garbled.tally import Tally, no_sentence
 from tests.external.marked import marked
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 TICKS = 40  # of an episode that is told
 EXTREMES = (0.0, FARTHEST, -FARTHEST, 5e-324, 1e3, -1e3)
 FREE = (*EXTREMES, 1e100, -1e100)  # numbers of no unit
