@@ -49,22 +49,18 @@ COMMANDS = {
     "oracle": [
         "oracle.label --rounds 1 --kinds corridor_swap,doorway -o TMP/labels.jsonl",
         "oracle.run TMP/labels.jsonl -o TMP/claims.jsonl",
-        "oracle.edges TMP/campaign --count 1 --others 1 -o TMP/edges.jsonl",
     ],
     "oracle's cost": ["oracle.cost --repeats 1 --engines kinematic"],
     "people": ["people.flows --seeds 1 --densities 0.5 --widths 2.4"],
     "large fleets": ["planning.scale --seconds 1"],
     "minimal worlds": ["reports.minimising TMP/campaign -o TMP/minimal --max-cases 1 --max-runs 4"],
-    "size of a report": ["reports.size --from TMP/campaign --trials 20"],
+    "size of a report": ["reports.size --from tests/recorded/campaigns/beds --trials 20"],
     "scenic agreement": ["scenic.agreement --samples 2 --shipped 1"],
     "scenic costmap": ["scenic.costmap_agreement hot_room --worlds 1"],
     "scenic distribution": ["scenic.distribution hot_room --count 20"],
-    "scenic specifiers": ["scenic.specifiers --count 10"],
+    "scenic specifiers": ["scenic.specifiers above object --count 10"],
     "scenic speed": ["scenic.speed hot_room --count 2"],
-    "engines judge": ["validity.engines draw TMP/worlds.json --of 0"],
-    "motion": [
-        "validity.motion experiments/validity/worlds.json -o TMP/rows.json --count 1 --until 3"
-    ],
+    "engines judge": ["validity.engines table experiments/validity/rows.json"],
     "shut rooms": [
         "validity.shut_rooms run TMP/rows.jsonl --count 1 --called 2",
         "validity.shut_rooms table TMP/rows.jsonl",

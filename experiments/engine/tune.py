@@ -176,9 +176,9 @@ def measure_tracking(setting: Setting, model: str) -> Tracking:
         command = Command(twist=np.array([[v, 0.0, w]]))
         steady = []
         for k in range(round(seconds / DT)):
-            before = engine._actuation.set_point[0, 0]
+            before = engine._actuation.motors.set_point[0, 0]
             sensed = engine.step(command, nobody)
-            after = engine._actuation.set_point[0, 0]
+            after = engine._actuation.motors.set_point[0, 0]
             if abs(after - before) > 0.99 * DT * spec.max_acceleration:
                 lags.append((after - sensed.velocity[0, 0]) / ((after - before) / DT))
             if k * DT >= seconds - 0.5:
