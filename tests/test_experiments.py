@@ -58,7 +58,7 @@ COMMANDS = {
     "scenic agreement": ["scenic.agreement --samples 2 --shipped 1"],
     "scenic costmap": ["scenic.costmap_agreement hot_room --worlds 1"],
     "scenic distribution": ["scenic.distribution hot_room --count 20"],
-    "scenic specifiers": ["scenic.specifiers above object --count 10"],
+    "scenic specifiers": ["scenic.specifiers at --count 10"],
     "scenic speed": ["scenic.speed hot_room --count 2"],
     "engines judge": ["validity.engines table experiments/validity/rows.json"],
     "shut rooms": [
