@@ -197,7 +197,7 @@ def test_auto_finds_what_only_a_heavy_demand_shows():
 
 
 def test_rehearsals_can_be_switched_off():
-    sampler = AutoSampler(AutoSampler.Options(cube=CUBE, preflight=False))
+    sampler = AutoSampler(AutoSampler.Options(cube=CUBE, rehearse=False))
 
     def refused(u):
         raise AssertionError("looked at a scene")
