@@ -163,14 +163,15 @@ def trial_cost(trials: int) -> float:
     from experiments.campaign.ward_rounds import ward_rounds  # noqa: PLC0415 - Scenic is slow
     from mrta_falsify.worker import open_trials as open_real  # noqa: PLC0415
 
-    chosen = ward_rounds()
-    run = open_real(chosen.trials)
     spent = []
-    for number in range(trials + 1):
-        u = stream(number, "overhead/trial").random(chosen.cube.dimensions)
-        began = time.process_time()
-        run({"number": number, "u": u.tolist()})
-        spent.append(time.process_time() - began)
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = ward_rounds(Path(folder))
+        run = open_real(chosen.trials)
+        for number in range(trials + 1):
+            u = stream(number, "overhead/trial").random(chosen.cube.dimensions)
+            began = time.process_time()
+            run({"number": number, "u": u.tolist()})
+            spent.append(time.process_time() - began)
     return float(np.median(spent[1:]))
 
 

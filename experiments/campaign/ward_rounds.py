@@ -13,7 +13,7 @@ PROGRAM = Path(__file__).parent / "ward_rounds.scenic"
 
 
 def ward_rounds(
-    directory: Path = Path(), *, sampler: str = "random", seed: int = 0, mode: str = "exact"
+    directory: Path, *, sampler: str = "random", seed: int = 0, mode: str = "exact"
 ) -> CampaignSettings:
     """A campaign on the kinematic engine."""
     return new_settings(
