@@ -18,7 +18,7 @@ from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import pass_on, propagate_interrupts
 from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
-from mrta_falsify.core.renamed import renamed_keywords, renamed_member
+from mrta_falsify.core.renamed import renamed_attribute, renamed_keywords
 from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.verdict import Verdict
@@ -69,7 +69,7 @@ class Outcome:
     coupling: Coupling | None = None  #: of such a stack to simulated time
 
     def __getattr__(self, name: str) -> Any:
-        return renamed_member(self, name, {"told": "transcript"})
+        return renamed_attribute(self, name, {"told": "transcript"})
 
     def __repr__(self) -> str:
         """Write it in one line."""

@@ -20,9 +20,9 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from mrta_falsify.core.arrays import Array
+from simulator_interface.convex_parts import convex_parts
 
 HEIGHT = 1.0  # m, of every prism; any would do
-STRAIGHT = 1e-9  # m^2, by which a convex outline may differ from its hull
 THIN = 1e-4  # m, half the width of an outline that is a line
 
 
@@ -41,7 +41,6 @@ class Solids:
             for shape in _prisms(np.ascontiguousarray(outline, dtype=np.float64).tobytes()):
                 self._owners.setdefault(id(shape), []).append(number)
                 bodies.append(fcl.CollisionObject(shape))
-        self._request = fcl.CollisionRequest(num_max_contacts=max(1, len(bodies)))
         self._tree = fcl.DynamicAABBTreeCollisionManager()
         self._tree.registerObjects(bodies)
         self._tree.setup()
@@ -53,20 +52,12 @@ class Solids:
 
     def met_by(self, outline: Array) -> list[int]:
         """List the outlines that a body with this outline ``(V, 2)`` [m] meets, sorted."""
-        parts = [_prism(part) for part in _convex_parts(np.asarray(outline))]
+        parts = [_prism(part) for part in _rings(np.asarray(outline))]
         return sorted({hit for part in parts for hit in self._met_by(fcl.CollisionObject(part))})
 
     def _met_by(self, body: fcl.CollisionObject) -> list[int]:
-        found = fcl.CollisionData(request=self._request)
-        self._tree.collide(body, found, fcl.defaultCollisionCallback)
-        return sorted(
-            {
-                number
-                for contact in found.result.contacts
-                for shape in (contact.o1, contact.o2)
-                for number in self._owners.get(id(shape), ())
-            }
-        )
+        met = (self._owners.get(shape, ()) for shape in _shapes_met(self._tree, body))
+        return sorted({number for numbers in met for number in numbers})
 
 
 class Boxes:
@@ -94,10 +85,14 @@ class Boxes:
     def met_by(self, box: Box) -> list[int]:
         """List the boxes that a box would meet, by number, sorted."""
         shape, body = box.body()
-        found = fcl.CollisionData(fcl.CollisionRequest(num_max_contacts=max(1, len(self._bodies))))
-        self._tree.collide(body, found, fcl.defaultCollisionCallback)
-        met = ((contact.o1, contact.o2) for contact in found.result.contacts)
-        return sorted(self._numbers[id(b if a is shape else a)] for a, b in met)
+        return sorted(self._numbers[met] for met in _shapes_met(self._tree, body) - {id(shape)})
+
+
+def _shapes_met(tree: fcl.DynamicAABBTreeCollisionManager, body: fcl.CollisionObject) -> set[int]:
+    """Ids of the shapes in all contacts of a body with those in a tree, its own included."""
+    found = fcl.CollisionData(fcl.CollisionRequest(num_max_contacts=max(1, tree.size())))
+    tree.collide(body, found, fcl.defaultCollisionCallback)
+    return {id(shape) for contact in found.result.contacts for shape in (contact.o1, contact.o2)}
 
 
 class Box(NamedTuple):
@@ -123,20 +118,19 @@ class Box(NamedTuple):
 def _prisms(data: bytes) -> tuple[fcl.Convex, ...]:
     """Build convex prisms that together fill an outline, given by its bytes."""
     outline = np.frombuffer(data).reshape(-1, 2)
-    return tuple(_prism(part) for part in _convex_parts(outline))
+    return tuple(_prism(part) for part in _rings(outline))
 
 
-def _convex_parts(outline: Array) -> Iterator[Array]:
+def _rings(outline: Array) -> Iterator[Array]:
     """Split an outline ``(V, 2)`` [m] into convex rings; one that crosses itself is mended."""
     shape = shapely.Polygon(outline)
-    if not shape.is_valid:
-        shape = shapely.make_valid(shape)
+    if shape.is_valid and shape.area:
+        yield from convex_parts(outline)
+        return
+    shape = shapely.make_valid(shape)
     if not shape.area:
         shape = shape.buffer(THIN)
-    hull = shape.convex_hull
-    whole = hull.area - shape.area <= STRAIGHT
-    parts = [hull] if whole else shapely.constrained_delaunay_triangles(shape).geoms
-    for part in parts:
+    for part in shapely.constrained_delaunay_triangles(shape).geoms:
         yield np.asarray(orient(part).exterior.coords)[:-1]
 
 

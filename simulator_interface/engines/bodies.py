@@ -88,12 +88,13 @@ def check_start_footprints(world: World) -> None:
         transform(model.footprint, robot.pose)
         for robot, model in zip(world.robots, fleet.models, strict=True)
     ]
+    bodies = Solids(placed)
     for i, robot in enumerate(world.robots):
         x, y, yaw = robot.pose
         given = f"robots[{i}].pose of {robot.name} is ({x:g} m, {y:g} m, {yaw:g} rad)"
         touched = [solids[hit][0] for hit in standing.met_by(placed[i])]
-        others = Solids(placed[:i]).met_by(placed[i])
-        touched += [f"robots[{j}] ({world.robots[j].name})" for j in others]
+        before = (j for j in bodies.met_by(placed[i]) if j < i)
+        touched += [f"robots[{j}] ({world.robots[j].name})" for j in before]
         if touched:
             raise WorldError(f"{given}; its body touches {touched[0]}")
 
