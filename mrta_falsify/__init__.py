@@ -94,7 +94,7 @@ def __getattr__(name: str) -> Any:
 
         return metadata.version("mrta-falsify")
     if name in RENAMED:
-        return renamed_attribute(__name__, name, RENAMED)
+        return renamed_attribute(sys.modules[__name__], name, RENAMED)
     if name in REMOVED:
         raise AttributeError(f"{__name__}.{name} is gone: {REMOVED[name]}")
     if name not in HOMES:

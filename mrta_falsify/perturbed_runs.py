@@ -70,12 +70,12 @@ def judged_by_vote(
         return Comparison(None, other, theirs)
     copies = perturbed_worlds(world, count)
     runs = run_perturbed(copies, run, lambda one: one.is_primary)
-    comparison: tuple[Judged, ...] = ()
+    their_runs: tuple[Judged, ...] = ()
     if 2 * sum(one.is_primary for one in runs) > len(runs):
-        comparison = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
-        other = _with_vote(other, judged, comparison)
+        their_runs = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
+        other = _with_vote(other, judged, their_runs)
     # where the other stack has not run a copy, its run of the world itself stands for it
-    theirs_of = itertools.chain((theirs, *comparison), itertools.repeat(theirs))
+    theirs_of = itertools.chain((theirs, *their_runs), itertools.repeat(theirs))
     told = [
         {
             name: differing(margin, _their_score(judged, its))

@@ -30,7 +30,7 @@ from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Preflight, PreflightSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.renamed import renamed_member
+from mrta_falsify.core.renamed import renamed_attribute
 from mrta_falsify.specs.causes import kind_of, secondary
 from mrta_falsify.specs.objectives import differing
 
@@ -75,7 +75,7 @@ class Progress:
     saturation: Saturation = field(default_factory=Saturation)  #: of the uniform trials
 
     def __getattr__(self, name: str) -> Any:
-        return renamed_member(self, name, {"wanted": "robust"})
+        return renamed_attribute(self, name, {"wanted": "robust"})
 
     @property
     def is_saturated(self) -> bool:

@@ -129,7 +129,7 @@ def campaign_options(command: Command) -> Command:
 
 
 #: options that are named otherwise than the stored field
-FLAGS = {"jittered": "perturbed", "then": "secondary_spec"}
+FLAGS = {"jittered": "perturbed"}
 
 
 def setting_option(

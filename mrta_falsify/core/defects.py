@@ -45,14 +45,14 @@ def defect_names() -> tuple[str, ...]:
     return tuple(_entry_points())
 
 
-def check_defect(name: str, *, where: str = "defects") -> None:
+def check_defect(name: str) -> None:
     """Refuse a name that is not registered.
 
     Raises:
         UnknownNameError: it is not.
     """
     if name not in _entry_points():
-        raise UnknownNameError("defect", name, defect_names(), where=where)
+        raise UnknownNameError("defect", name, defect_names(), where="defects")
 
 
 @functools.cache

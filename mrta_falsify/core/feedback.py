@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -177,4 +178,4 @@ class Estimates:
 
 
 def __getattr__(name: str) -> Any:
-    return renamed_attribute(__name__, name, {"Rehearsed": "SceneLoads"})
+    return renamed_attribute(sys.modules[__name__], name, {"Rehearsed": "SceneLoads"})

@@ -7,6 +7,7 @@ N robots, H humans, A obstacle rays, R rooms.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -466,4 +467,4 @@ class RepeatingRun(Protocol):
 
 def __getattr__(name: str) -> Any:
     names = {"Rehearsal": "Preflight", "RehearsingSampler": "PreflightSampler"}
-    return renamed_attribute(__name__, name, names)
+    return renamed_attribute(sys.modules[__name__], name, names)

@@ -17,7 +17,7 @@ from mrta_falsify.core.probability import (
     chance_of_failure,
     interval_text,
 )
-from mrta_falsify.core.renamed import renamed_member
+from mrta_falsify.core.renamed import renamed_attribute
 from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
 
@@ -231,7 +231,7 @@ class TrialRecord:
 
     def __getattr__(self, name: str) -> Any:
         names = {"wanted": "is_robust", "is_sought": "is_primary"}
-        return renamed_member(self, name, names)
+        return renamed_attribute(self, name, names)
 
     @property
     def confirmation(self) -> str:

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
-import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
@@ -37,11 +34,7 @@ def renamed_keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]
         @functools.wraps(function)
         def call(*args: Any, **keywords: Any) -> R:
             for old in names.keys() & keywords.keys():
-                warnings.warn(
-                    f"{function.__name__}: {old} is called {names[old]} now",
-                    DeprecationWarning,
-                    stacklevel=2,
-                )
+                _warn(f"{function.__name__}({old}=...)", names[old])
                 keywords.setdefault(names[old], keywords.pop(old))
             return function(*args, **keywords)
 
@@ -50,54 +43,41 @@ def renamed_keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]
     return decorate
 
 
-def renamed_attribute(module: str, name: str, names: Mapping[str, str]) -> Any:
-    """Give an attribute of a module by its old name; for the module's ``__getattr__``.
+def renamed_attribute(owner: object, name: str, names: Mapping[str, str]) -> Any:
+    """Give an attribute by its old name; for the ``__getattr__`` of a class or a module.
 
     Args:
-        module: its name.
+        owner: the value, or the module.
         name: that is asked for.
         names: old name -> name now.
 
     Raises:
         AttributeError: it is no old name either.
     """
+    who = owner.__name__ if isinstance(owner, ModuleType) else type(owner).__name__
     if name not in names:
-        raise AttributeError(f"module {module!r} has no attribute {name!r}")
-    _warn(f"{module}.{name}", names[name], depth=4)
-    return getattr(sys.modules[module], names[name])
-
-
-def renamed_member(value: object, name: str, names: Mapping[str, str]) -> Any:
-    """Give an attribute of a value by its old name; for the ``__getattr__`` of its class.
-
-    Args:
-        value: whose attribute it is.
-        name: that is asked for.
-        names: old name -> name now.
-
-    Raises:
-        AttributeError: it is no old name either.
-    """
-    kind = type(value).__name__
-    if name not in names:
-        raise AttributeError(f"{kind!r} object has no attribute {name!r}")
-    _warn(f"{kind}.{name}", names[name], depth=4)
-    return getattr(value, names[name])
+        raise AttributeError(f"{who!r} has no attribute {name!r}")
+    _warn(f"{who}.{name}", names[name], depth=4)
+    return getattr(owner, names[name])
 
 
 def _warn(old: str, new: str, *, depth: int = 3) -> None:
     warnings.warn(f"{old} is called {new} now", DeprecationWarning, stacklevel=depth)
 
 
-class RenamedModules(MetaPathFinder, Loader):
-    """Imports a module by its old name."""
+class RenamedModules:
+    """Imports a module by its old name: finder and loader of :mod:`importlib`.
+
+    It does not derive from their abstract classes, whose module every import would have to load.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """See :class:`importlib.abc.MetaPathFinder`."""
         del path, target
-        return ModuleSpec(fullname, self) if fullname in MODULES else None
+        loader: Any = self
+        return ModuleSpec(fullname, loader) if fullname in MODULES else None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """See :class:`importlib.abc.Loader`."""

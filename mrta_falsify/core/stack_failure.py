@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -73,4 +74,4 @@ class DeterminismCheck:
 
 
 def __getattr__(name: str) -> Any:
-    return renamed_attribute(__name__, name, {"AskedAgain": "DeterminismCheck"})
+    return renamed_attribute(sys.modules[__name__], name, {"AskedAgain": "DeterminismCheck"})

@@ -5,6 +5,7 @@ A robot's position obeys ``p'' = effect @ input``; that is all a barrier of seco
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
@@ -314,4 +315,4 @@ def _fill_unicycle_twist(
 
 
 def __getattr__(name: str) -> Any:
-    return renamed_attribute(__name__, name, {"Wish": "NominalInput"})
+    return renamed_attribute(sys.modules[__name__], name, {"Wish": "NominalInput"})
