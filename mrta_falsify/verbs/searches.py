@@ -155,8 +155,9 @@ def _has_ended(plan: ComparisonPlan, folder: Path) -> bool:
     """Whether the stored trials of a search are all that its limits ask for."""
     if not (folder / SETTINGS).exists():
         return False
-    progress = Progress(plan.limits)
-    for number, record in enumerate(open_campaign(folder).records):
+    campaign = open_campaign(folder)
+    progress = Progress(campaign.settings, limits=plan.limits)
+    for number, record in enumerate(campaign.records):
         if record.number != number:
             return False
         progress.take(record)

@@ -18,7 +18,9 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.verbs.campaign import resume_campaign
+from tests.campaigns.logs import files_of_trials, log_without_times
 from tests.campaigns.standin import settings
+from tests.survival.kept_trials import kept_settings
 
 
 def _run(store, *, workers=0, **limits):
@@ -47,11 +49,19 @@ def test_the_budget_counts_simulated_candidates_not_rejected_ones(tmp_path):
     assert len(_records(tmp_path)) == progress.told == 20 + progress.rejected
 
 
-def test_any_number_of_workers_gives_the_same_campaign(tmp_path):
-    for workers in (0, 1, 3):
-        with Store.create(tmp_path / str(workers), settings(reject_above=0.8)) as store:
-            _run(store, workers=workers, budget=25)
-    assert _records(tmp_path / "0") == _records(tmp_path / "1") == _records(tmp_path / "3")
+@pytest.mark.parametrize("workers", [(1,), (2,), (4,), (2, 0, 4)])
+def test_any_number_of_workers_gives_the_same_log_and_files(tmp_path, workers):
+    """On 1, 2 and 4 workers, and begun on two, gone on with in this process, ended on four."""
+    for name, each in (("serial", (0,)), ("other", workers)):
+        chosen = kept_settings(str(tmp_path / name), reject_above=0.8)
+        Store.create(tmp_path / name, chosen).close()
+        for part, count in enumerate(each, start=1):
+            with Store.resume(tmp_path / name) as store:
+                _run(store, workers=count, budget=25 * part // len(each))
+    assert log_without_times(tmp_path / "other") == log_without_times(tmp_path / "serial")
+    files = files_of_trials(tmp_path / "other")
+    assert files == files_of_trials(tmp_path / "serial")
+    assert len(files) == 2 * 25
 
 
 def test_a_campaign_in_pieces_equals_one_that_ran_through(tmp_path):

@@ -107,7 +107,6 @@ def test_copies_end_once_the_rest_cannot_change_what_most_do(most):
 
 
 def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaign):
-    from mrta_falsify.verbs.campaign_summary import modes
     from mrta_falsify.verbs.stored_trials import open_campaign
 
     opened = open_campaign(campaign.directory)
@@ -119,5 +118,5 @@ def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaig
         is_afterthought=True,
     )
     many = dataclasses.replace(opened, records=(late, late, late, record))
-    assert [mode.signature for mode in modes(many)] == [record.signature, "deadlines"]
-    assert [mode.is_afterthought for mode in modes(many)] == [False, True]
+    assert [mode.signature for mode in many.stats().modes] == [record.signature, "deadlines"]
+    assert [mode.is_afterthought for mode in many.stats().modes] == [False, True]
