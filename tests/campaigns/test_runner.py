@@ -136,7 +136,7 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(tmp_path, starts
 def test_the_same_end_three_times_in_a_row_ends_the_campaign_with_its_last_words(
     tmp_path, monkeypatch, starts, until, words
 ):
-    monkeypatch.setattr("mrta_falsify.campaigns.executors.MAX_STARTS", 4)  # of any end
+    monkeypatch.setattr("mrta_falsify.process.pool.MAX_STARTS", 4)  # of any end
     begun = tmp_path / "begun"
     with (
         Store.create(tmp_path / "c", settings(starts=starts, begun=str(begun))) as store,
@@ -152,8 +152,8 @@ def test_workers_that_are_all_killed_at_their_start_are_started_again(tmp_path):
         executor = ProcessExecutor(ProcessExecutor.Options(workers=4))
         try:
             executor.open(store.settings)
-            for worker in executor._workers:
-                os.kill(worker.process.pid, signal.SIGKILL)
+            for worker in executor.pool.workers:
+                os.kill(worker.child.number, signal.SIGKILL)
             progress, ended = run_campaign(store, Limits(budget=8), executor)
         finally:
             executor.close()
@@ -220,14 +220,14 @@ def test_a_worker_that_is_stopped_for_longer_than_the_limit_is_not_lost():
     try:
         made.open(settings(sleep=0.2, time_limit=0.4))
         made.submit({"number": 0, "u": [0.5]})
-        (worker,) = made._workers
+        (worker,) = made.pool.workers
         while worker.job is None:
             made.collect(0.05)
-        os.kill(worker.process.pid, signal.SIGSTOP)
+        os.kill(worker.child.number, signal.SIGSTOP)
         until = time.monotonic() + 1.2
         while time.monotonic() < until:
             assert made.collect(0.05) == ()
-        os.kill(worker.process.pid, signal.SIGCONT)
+        os.kill(worker.child.number, signal.SIGCONT)
         done = ()
         while not done:
             done = made.collect(0.05)
