@@ -18,7 +18,7 @@ CASES = Path(__file__).with_name("dask_on_loopback.py")
 @pytest.mark.parametrize(
     ("tier", "limit"),
     [
-        pytest.param("not long", 200, marks=pytest.mark.slow),
+        pytest.param("not long", 280, marks=pytest.mark.slow),
         pytest.param("long", 500, marks=pytest.mark.long),
     ],
 )
