@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from mrta_falsify.campaigns.saturation import Saturation, Unseen
@@ -143,9 +143,12 @@ class CampaignStats:
     robust: int = 0  #: of the failures, those that count for ``stop_after``
     primary: int = 0  #: of the failures, those in what is looked for first
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
-    kinds: Counter[str] = field(default_factory=Counter)  #: of the other failures, by ``kind_of``
+    #: of the other failures, by kind: deadlock, stuck, shut (by the world), and other
+    kinds: dict[str, int] = field(default_factory=lambda: dict.fromkeys((*KINDS, OTHER), 0))
     #: the same of those failures that the other stack does not share, where there is one
-    reported_kinds: Counter[str] = field(default_factory=Counter)
+    reported_kinds: dict[str, int] = field(
+        default_factory=lambda: dict.fromkeys((*KINDS, OTHER), 0)
+    )
     on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
     first_primary: FirstFailure | None = None
     first_robust: FirstFailure | None = None
@@ -217,7 +220,7 @@ class CampaignStats:
         self.on_both += record.fails_on_both
         self.afterthoughts += record.is_afterthought
         if not record.is_afterthought:
-            kind = kind_of(record.verdicts)
+            kind = kind_of(record.verdicts) or OTHER
             self.kinds[kind] += 1
             self.reported_kinds[kind] += record.is_reported
         now = FirstFailure(self.ran, self.judged, self.computed_s)
@@ -342,11 +345,6 @@ def draws_evenly(settings: CampaignSettings) -> bool:
 def is_uniform(record: TrialRecord, settings: CampaignSettings) -> bool:
     """Whether a trial was drawn evenly, whatever had been found."""
     return record.uniform or draws_evenly(settings)
-
-
-def by_kind(counts: Mapping[str, int]) -> dict[str, int]:
-    """Name counts by ``kind_of``: deadlock, stuck, shut, and other."""
-    return {**{kind: counts.get(kind, 0) for kind in KINDS}, OTHER: counts.get("", 0)}
 
 
 def _count(counts: dict[str, int], name: str) -> None:

@@ -18,7 +18,6 @@ from mrta_falsify.campaigns.stats import (
     RepeatCounts,
     ScreeningAgreement,
     StackComparison,
-    by_kind,
     draws_evenly,
 )
 from mrta_falsify.campaigns.store import Campaign
@@ -109,7 +108,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         repeated=stored.repeats,
         confirmed=stored.engines,
         deadlocks=known.by_specification.get(DEADLOCK, 0),
-        kinds=by_kind(known.kinds),
+        kinds=known.kinds,
         uncounted=stored.records - known.records,
         afterthoughts=known.afterthoughts,
         then=trials.then,
@@ -136,7 +135,7 @@ def comparison_sentence(counts: StackComparison) -> str:
 
 
 def kinds_text(counts: Mapping[str, int]) -> str:
-    """Write counts of :func:`.stats.by_kind`, as ``2 deadlocks, 1 stuck, 3 failed otherwise``.
+    """Write counts of failures by kind, as ``2 deadlocks, 1 stuck, 3 failed otherwise``.
 
     Places that the world shut are counted only if there are any.
     """

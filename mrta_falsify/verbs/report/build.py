@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from mrta_falsify.campaigns.settings import TrialSettings
-from mrta_falsify.campaigns.stats import CampaignStats, FailureMode, by_kind
+from mrta_falsify.campaigns.stats import CampaignStats, FailureMode
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
@@ -160,7 +160,7 @@ def _headline(stats: CampaignStats) -> str:
     verb = "violates" if sought == 1 else "violate"
     which = " that is looked for first" if last else ""
     first = f"{sought} of {judged} trials {verb} a specification{which}, in {kinds}"
-    first += f": {kinds_text({**by_kind(stats.kinds), 'shut': 0})}"
+    first += f": {kinds_text({**stats.kinds, 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"
         first += " that is looked for first" if last or shut else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mrta_falsify.campaigns.stats import OTHER, CampaignStats, by_kind
+from mrta_falsify.campaigns.stats import OTHER, CampaignStats
 from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.probability import interval_text
@@ -25,8 +25,7 @@ MAX_BESIDE = 10  # notes of trials
 def facts_of(stats: CampaignStats) -> tuple[tuple[str, str], ...]:
     """List the facts of a campaign, each with its label."""
     settings = stats.settings
-    first = stats.first_primary
-    counts = by_kind(stats.kinds)
+    first, counts = stats.first_primary, stats.kinds
     last, shut = stats.afterthoughts, stats.shut
     facts = [
         ("scenario", settings.trials.scenario),

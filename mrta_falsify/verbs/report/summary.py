@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mrta_falsify.campaigns.stats import OTHER, CampaignStats, by_kind
+from mrta_falsify.campaigns.stats import OTHER, CampaignStats
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.defects import defect
@@ -77,7 +77,7 @@ def _failure_sentences(stats: CampaignStats) -> list[str]:
     trials, judged, last = stats.settings.trials, stats.judged, stats.afterthoughts
     name = Path(trials.scenario).stem
     hours = stats.sim_time / SECONDS_PER_HOUR
-    counts = by_kind(stats.reported_kinds)
+    counts = stats.reported_kinds
     parts = [_share("ended in a deadlock", counts["deadlock"], judged)]
     parts += [
         _share(what, counts[kind], judged)
