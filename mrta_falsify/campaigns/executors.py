@@ -51,8 +51,8 @@ def open_target(settings: CampaignSettings) -> Trial:
     module, _, name = settings.target.partition(":")
     if not is_ours(module):
         look_here_for(module)
-    opened: Trial = getattr(importlib.import_module(module), name)(settings.trials)
-    return opened
+    trial: Trial = getattr(importlib.import_module(module), name)(settings.trials)
+    return trial
 
 
 def _finished(trial: Trial, job: Job) -> Finished:

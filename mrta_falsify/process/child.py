@@ -8,41 +8,21 @@ made it does, and kills it.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import IO
 
 from mrta_falsify.core.interruption import STOP_SIGNALS, signals_held
+from mrta_falsify.process.parent import end_with
 from mrta_falsify.process.usage import Named, descendants, is_same, members_of_session
-
-PARENT_DEATH_SIGNAL = 1  # of prctl(2), Linux: sent to a process when its parent ends
-
-_libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
 def can_fork() -> bool:
     """Whether this system forks a process safely in mid-run."""
     return sys.platform == "linux"
-
-
-def end_with(parent: int, number: int = signal.SIGKILL) -> None:
-    """Let the kernel send this process a signal when its parent ends, even in compiled code.
-
-    To the kernel a parent is the thread that has started this process: it must live as long as the
-    process is needed. Elsewhere than on Linux, workers of a pool see their connection close.
-
-    Args:
-        parent: process that has started this one.
-        number: signal.
-    """
-    if _libc is not None:
-        _libc.prctl(PARENT_DEATH_SIGNAL, number)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 class Child:
@@ -78,22 +58,31 @@ class Child:
         """
         if os.getpid() != self._owner:
             return
-        killed: set[int] = set()
-        while found := self._family(seen) - killed:
-            killed |= found
-            for number in found:
-                send(number, signal.SIGKILL)
         if self.code() is None:
-            send(self.number, signal.SIGKILL)
-            self.code(wait=True)
-            self.kill(seen)  # what it started while it was killed
+            _kill_all(lambda: set(descendants(self.number)))
+            self.end()
+        _kill_all(lambda: self._left(seen))
 
-    def _family(self, seen: Collection[Named]) -> set[int]:
-        """All processes that come from it, without itself."""
+    def end(self) -> None:
+        """Kill it alone, and wait for it."""
+        send(self.number, signal.SIGKILL)
+        self.code(wait=True)
+
+    def _left(self, seen: Collection[Named]) -> set[int]:
+        """All processes that come from it, which has ended."""
         found = {*members_of_session(self.number), *(one.number for one in seen if is_same(one))}
-        for number in (self.number, *found):
+        for number in tuple(found):
             found.update(descendants(number))
         return found - {self.number, os.getpid()}
+
+
+def _kill_all(look: Callable[[], set[int]]) -> None:
+    """Kill the processes that ``look`` finds, until it finds no others."""
+    killed: set[int] = set()
+    while found := look() - killed:
+        killed |= found
+        for number in found:
+            send(number, signal.SIGKILL)
 
 
 def send(number: int, which: int) -> None:
@@ -135,7 +124,7 @@ def spawn(
     stdout: int | None,
     stderr: int | IO[bytes],
 ) -> Child:
-    """Start a program of ours, which calls :func:`end_with` at once.
+    """Start a program of ours, which calls :func:`~.parent.end_with` at once.
 
     Args:
         command: program and arguments.

@@ -18,6 +18,7 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +28,7 @@ from typing import Any, NamedTuple
 from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
 from mrta_falsify.core.garbage import collect_seldom
 from mrta_falsify.process.budget import Budget, on_credit
-from mrta_falsify.process.child import Child, end_with, spawn
+from mrta_falsify.process.child import Child, spawn
 from mrta_falsify.process.ending import (
     Ending,
     Outcome,
@@ -51,8 +52,11 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 BOOT = """\
 import json, sys
 sys.path[:] = json.loads(sys.argv[1])
+parent, descriptor, stderr = map(int, sys.argv[2:])
+from mrta_falsify.process.parent import end_with
+end_with(parent)
 from mrta_falsify.process.pool import serve
-serve(*map(int, sys.argv[2:]))
+serve(descriptor, stderr)
 """
 _SIZE = struct.Struct("<Q")
 
@@ -201,9 +205,9 @@ class Pool(contextlib.AbstractContextManager["Pool"]):
 
     def _start(self, deaths: tuple[str, ...] = ()) -> None:
         ours, theirs = socket.socketpair()
-        said, stderr = os.memfd_create("said"), os.dup(STDERR)
+        said, stderr = _unnamed_file(), os.dup(STDERR)
         descriptors = (theirs.fileno(), stderr)
-        arguments = [json.dumps(sys.path), *map(str, (*descriptors, os.getpid()))]
+        arguments = [json.dumps(sys.path), *map(str, (os.getpid(), *descriptors))]
         child = spawn(
             [sys.executable, "-P", "-c", BOOT, *arguments],
             environment={**os.environ, **ONE_THREAD},
@@ -307,6 +311,14 @@ class Pool(contextlib.AbstractContextManager["Pool"]):
         return done
 
 
+def _unnamed_file() -> int:
+    """Open a file that goes with its last descriptor; in memory, where the system can."""
+    if sys.platform == "linux":
+        return os.memfd_create("said")
+    with tempfile.TemporaryFile() as file:
+        return os.dup(file.fileno())
+
+
 def _never_ready(deaths: tuple[str, ...], words: str) -> HarnessError:
     """Say how a worker died each time before it was ready.
 
@@ -351,15 +363,13 @@ def _taken(buffer: bytearray) -> Any:
 # --- in a worker -------------------------------------------------------------------------------
 
 
-def serve(descriptor: int, stderr: int, parent: int) -> None:
+def serve(descriptor: int, stderr: int) -> None:
     """Run jobs until the parent closes the connection, or ends.
 
     Args:
         descriptor: of the connection.
         stderr: file descriptor of the parent's stderr, which becomes ours once this one is ready.
-        parent: its process.
     """
-    end_with(parent)
     collect_seldom()
     link = socket.socket(fileno=descriptor)
     buffer = bytearray()

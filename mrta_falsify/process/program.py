@@ -23,7 +23,8 @@ from collections.abc import Mapping, Sequence
 from types import FrameType
 from typing import Any, NamedTuple, NoReturn
 
-from mrta_falsify.process.child import end_with, fork, send
+from mrta_falsify.process.child import fork, send
+from mrta_falsify.process.parent import end_with
 from mrta_falsify.process.usage import ENDED, children_of, descendants, read_process
 
 CHILD_SUBREAPER = 36  # of prctl(2), Linux
@@ -35,6 +36,16 @@ GRACE = 0.2  # s between bye and the end by force
 AT_MOST = 60.0  # s in which what was killed ends, on however busy a machine
 
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+
+class Command(NamedTuple):
+    """How a program is started."""
+
+    words: Sequence[str]  #: its name and its arguments
+    environment: Mapping[str, str]  #: all of it
+    folder: str = "."  #: where it runs
+    link: socket.socket | None = None  #: that it inherits under the same number
+    is_quiet: bool = True  #: its output is kept; else it goes where that of this process goes
 
 
 class ProgramState(NamedTuple):
@@ -53,31 +64,18 @@ class Program:
     """Starts a program and keeps it; one object per process.
 
     Args:
-        command: program and arguments.
-        folder: where it runs.
-        environment: all of it.
-        link: socket that the program inherits under the same number.
-        is_quiet: whether its output is kept; else it goes where that of this process goes.
+        command: how it is started.
     """
 
-    def __init__(
-        self,
-        command: Sequence[str],
-        folder: str,
-        environment: Mapping[str, str],
-        link: socket.socket | None = None,
-        *,
-        is_quiet: bool = True,
-    ) -> None:
+    def __init__(self, command: Command) -> None:
         self._ours, theirs = socket.socketpair()
         self._ours.settimeout(PATIENCE)
-        owner = os.getpid()
+        self._owner = os.getpid()
         keeper = fork(on_parents_end=signal.SIGTERM)
         if keeper is None:
-            _keep(theirs, owner, command, folder, environment, link, is_quiet=is_quiet)
+            _keep(theirs, command)
         self._keeper = keeper
         self.number = keeper.number  #: of the process that has started the program
-        self._owner = owner
         theirs.close()
         self._begun: dict[str, Any] | None = None
 
@@ -142,24 +140,15 @@ class _OwnerEnded(BaseException):
     """The owner of this keeper has ended."""
 
 
-def _keep(
-    control: socket.socket,
-    owner: int,
-    command: Sequence[str],
-    folder: str,
-    environment: Mapping[str, str],
-    link: socket.socket | None,
-    *,
-    is_quiet: bool,
-) -> NoReturn:
+def _keep(control: socket.socket, command: Command) -> NoReturn:
     try:
         signal.signal(signal.SIGTERM, _on_owners_end)
-        _close_all_but(control.fileno(), *([] if link is None else [link.fileno()]))
+        _close_all_but(control.fileno(), *([command.link.fileno()] if command.link else []))
         if _libc is not None:
             _libc.prctl(CHILD_SUBREAPER, 1)
         keeper = _Keeper(control)
         try:
-            keeper.start(command, folder, environment, link, is_quiet=is_quiet)
+            keeper.start(command)
             keeper.serve()
         except _OwnerEnded:
             pass
@@ -182,33 +171,25 @@ class _Keeper:
         self._error = ""
         self._program: subprocess.Popen[bytes] | None = None
 
-    def start(
-        self,
-        command: Sequence[str],
-        folder: str,
-        environment: Mapping[str, str],
-        link: socket.socket | None,
-        *,
-        is_quiet: bool,
-    ) -> None:
+    def start(self, command: Command) -> None:
         """Start the program."""
         keeper = os.getpid()
         try:
             self._program = subprocess.Popen(
-                command,
-                cwd=folder,
-                env=dict(environment),
+                command.words,
+                cwd=command.folder,
+                env=dict(command.environment),
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE if is_quiet else None,
-                stderr=subprocess.STDOUT if is_quiet else None,
-                pass_fds=() if link is None else (link.fileno(),),
+                stdout=subprocess.PIPE if command.is_quiet else None,
+                stderr=subprocess.STDOUT if command.is_quiet else None,
+                pass_fds=[command.link.fileno()] if command.link else [],
                 process_group=0,
                 preexec_fn=lambda: end_with(keeper),  # noqa: PLW1509 - this process has one thread
             )
         except OSError as error:
             self._error = error.strerror or str(error)
-        if link is not None:
-            link.close()
+        if command.link:
+            command.link.close()
 
     def serve(self) -> None:
         """Answer the owner until it is gone."""

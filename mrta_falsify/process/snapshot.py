@@ -70,8 +70,8 @@ class Snapshot:
         return RolledBack(self._child)
 
     def drop(self) -> None:
-        """End the fork; the run goes on in this process."""
-        self._child.kill()
+        """End the fork, which has started nothing; the run goes on in this process."""
+        self._child.end()
         self._pipe.close()
 
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
-import functools
 import gc
 import os
 import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, Literal, NamedTuple, NoReturn
 
@@ -34,7 +33,7 @@ from mrta_falsify.process.ending import (
     outcome_of,
 )
 from mrta_falsify.process.pool import Pool
-from mrta_falsify.process.program import Program
+from mrta_falsify.process.program import Command, Program
 from mrta_falsify.process.snapshot import RolledBack, is_resumed
 from mrta_falsify.process.usage import Named, ProcessClock, read_process
 from mrta_falsify.process.watch import (
@@ -54,14 +53,6 @@ LOOK_EVERY = 0.05  # s between two looks at a fork; a tick limit is kept to abou
 DUMP_WITHIN = 1.0  # s that a fork has to write where it hangs
 SHOW_PLACE = signal.SIGUSR2  # makes a fork write its traceback
 MAX_DUMPED = 1 << 16  # bytes of it
-
-
-class Command(NamedTuple):
-    """A program that is run to its end."""
-
-    words: Sequence[str]
-    environment: Mapping[str, str]
-    folder: str = "."
 
 
 class Printed(NamedTuple):
@@ -102,7 +93,7 @@ def run_supervised(job: Any, mode: Mode = "fork", budget: Budget | None = None) 
     if mode == "inline":
         return job()
     if mode == "spawn":
-        with Pool(functools.partial(_caller), budget=budget or Budget()) as pool:
+        with Pool(_caller, budget=budget or Budget()) as pool:
             return next(pool.map([job]))
     if mode == "exec":
         return _run_command(job, budget or Budget())
@@ -122,7 +113,7 @@ def _call(job: Callable[[], Any]) -> Any:
 
 
 def _run_command(command: Command, budget: Budget) -> Printed:
-    program = Program(command.words, command.folder, command.environment)
+    program = Program(command)
     try:
         if error := program.error():
             raise HarnessError(f"{command.words[0]}: cannot be started: {error}")

@@ -16,7 +16,8 @@ from typing import Literal
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import default_engine
 from mrta_falsify.core.errors import MrtaFalsifyError
-from mrta_falsify.process.supervisor import Command, run_supervised
+from mrta_falsify.process.program import Command
+from mrta_falsify.process.supervisor import run_supervised
 
 OLDEST, NEWEST = (3, 11), (3, 13)  # Pythons
 

@@ -14,7 +14,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import GIB
 from mrta_falsify.process.ending import Ending, name_of_ending
-from mrta_falsify.process.program import Program
+from mrta_falsify.process.program import Command, Program
 from mrta_falsify.process.usage import ProcessClock, memory_of
 from mrta_falsify.process.watch import current_watch
 from simulator_interface.external import messages
@@ -64,7 +64,7 @@ class StackProcess:
             ours, theirs = socket.socketpair()
             environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
             folder = options.folder or os.getcwd()
-            self._program = Program(options.command, folder, environment, theirs)
+            self._program = Program(Command(options.command, environment, folder, theirs))
             theirs.close()
         else:
             ours = _connected(options)

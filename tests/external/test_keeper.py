@@ -7,14 +7,14 @@ import sys
 
 import pytest
 
-from mrta_falsify.process.program import Program
+from mrta_falsify.process.program import Command, Program
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux only")
 @pytest.mark.timeout(60)
 def test_a_copy_of_the_owner_does_not_hold_the_keeper_up(tmp_path):
     ours, link = socket.socketpair()
-    keeper = Program(("sleep", "600"), str(tmp_path), os.environ, link)
+    keeper = Program(Command(("sleep", "600"), os.environ, str(tmp_path), link))
     assert keeper.error() == ""
     (program,) = keeper.kept()[:1]
     copy = os.fork()

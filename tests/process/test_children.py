@@ -19,8 +19,8 @@ from mrta_falsify.process.budget import Budget, credit
 from mrta_falsify.process.child import fork
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import Pool
-from mrta_falsify.process.program import Program
-from mrta_falsify.process.supervisor import Command, run_supervised
+from mrta_falsify.process.program import Command, Program
+from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.process.watch import current_watch
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
@@ -140,10 +140,9 @@ child = subprocess.Popen(["sleep", "600"], start_new_session=True)
 open({str(numbers)!r}, "w").write(f"{{os.getpid()}} {{child.pid}}\\n")
 time.sleep(600)
 """
-    words, environment, folder = python(text)
     owner = fork()
     if owner is None:
-        program = Program(words, folder, environment)
+        program = Program(python(text))
         program.error()
         holder = os.fork()
         signal.pause()

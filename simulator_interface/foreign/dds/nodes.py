@@ -8,7 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 
 from mrta_falsify.process.ending import name_of_ending
-from mrta_falsify.process.program import Program
+from mrta_falsify.process.program import Command, Program
 
 PATIENCE = 2.0  # s between asking a program to end and ending it
 LOOK_EVERY = 0.02  # s between two looks at whether it has ended
@@ -35,7 +35,7 @@ class Nodes:
     ) -> None:
         self._running: list[tuple[str, Program]] = []
         for command in commands:
-            program = Program(command, ".", env, hold, is_quiet=False)
+            program = Program(Command(command, env, link=hold, is_quiet=False))
             self._running.append((shlex.join(command), program))
             if error := program.error():
                 self.end()
