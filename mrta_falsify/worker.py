@@ -20,13 +20,13 @@ from mrta_falsify.campaigns import time_limit
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_RUNS, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.durable import make_folder, naming, place_error_in
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import (
     EngineRun,
     OtherRun,

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrta_falsify.campaigns.runner import feedback_of
-from mrta_falsify.campaigns.statistics import chance_in_vote, failure_probability
+from mrta_falsify.campaigns.statistics import chance_in_vote
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.perturbed_runs import expected_margin, judged_by_vote, trial_score

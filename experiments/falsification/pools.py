@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.falsification.pairs import Pair
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.campaigns.settings import Limits
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice

@@ -23,10 +23,11 @@ from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.run_result import Rank, RunResult, Vote
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.course import course_of
-from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
+from mrta_falsify.lab.experiment import Edit, Experiment, Situation
 from mrta_falsify.specs.causes import leading, primary
 from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
 from scenic_worlds.variation import perturb_world

@@ -10,14 +10,11 @@ from typing import TYPE_CHECKING
 
 from mrta_falsify.campaigns.rare_events import estimated_probability, is_known_to_estimate
 from mrta_falsify.campaigns.saturation import Unseen, unseen_of
-from mrta_falsify.campaigns.statistics import (
-    failure_probability,
-    why_no_probability,
-)
+from mrta_falsify.campaigns.statistics import why_no_probability
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.claims import KIND_TEXT, KINDS
 from mrta_falsify.core.codec import later
-from mrta_falsify.core.probability import WIDEST, Probability, interval_text
+from mrta_falsify.core.probability import WIDEST, Probability, failure_probability, interval_text
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import TightCount, counted, things_text
 from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading

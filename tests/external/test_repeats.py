@@ -10,9 +10,9 @@ import yaml
 from click.testing import CliRunner
 
 import mrta_falsify as mf
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.cli.group import main
 from mrta_falsify.core import codec
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.trial import Judged, campaign_specifications

@@ -9,8 +9,8 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 
 from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.lab import Lab
-from mrta_falsify.lab.experiment import RunResult
 
 GROUPS = [{name: name} for name in "abc"]
 
