@@ -89,10 +89,10 @@ def unseen_of(records: Iterable[TrialRecord]) -> Unseen:
     saturation = Saturation()
     for record in records:
         if counts(record):
-            saturation.take(record.situations)
+            saturation.take(record.search.situations)
     return saturation.unseen()
 
 
 def counts(record: TrialRecord) -> bool:
     """Whether a trial was drawn evenly and simulated."""
-    return record.uniform and record.status == "ok"
+    return record.origin.uniform and record.status == "ok"

@@ -12,6 +12,7 @@ from __future__ import annotations
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.probability import Probability, failure_probability
 from mrta_falsify.core.record import PerturbedRuns
+from mrta_falsify.core.run_result import Vote
 
 
 def why_no_probability(
@@ -53,7 +54,7 @@ def why_no_probability(
     return ""
 
 
-def chance_in_vote(copies: PerturbedRuns, most: int) -> Probability:
+def chance_in_vote(copies: PerturbedRuns | Vote, most: int) -> Probability:
     """Estimate how probably a copy of a world fails, from copies that ended once decided.
 
     Copies that were not run count both ways, as trials without an answer do. So the interval

@@ -6,11 +6,13 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from mrta_falsify.core.codec import later
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import Probability, failure_probability, one_sided_bounds
 from mrta_falsify.core.verdict import Verdict
 
 #: a run that could not be judged tells nothing; an *impossible* world cannot be run at all
-Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error"]
+Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error", "timeout"]
 #: what a violation counts for: what a search looks for first, what only follows, none
 Rank: TypeAlias = Literal["none", "secondary", "primary"]
 
@@ -51,6 +53,10 @@ class RunResult:
     wall_s: float = 0.0  #: measured; never part of a digest
     met: float | None = None  #: when the situation came about [s]
     course: Course | None = None  #: of a run that fails
+    engine: str = later("")  #: that it was run on, in records
+    layer: str = later("")  #: suspected by rules on the trace, in records; empty: none
+    trace_file: str = later("")  #: relative to the campaign directory, empty if not kept
+    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
 
     @property
     def failed(self) -> bool:
@@ -64,7 +70,11 @@ class Vote:
 
     runs: int  #: that were judged
     failed: int  #: of them
-    undecided: int = 0  #: runs beside these that tell nothing
+    undecided: int = later(0)  #: runs beside these that tell nothing
+
+    def __str__(self) -> str:
+        """Write it as in ``3 of 4 copies with small differences fail too``."""
+        return f"{self.failed} of {self.runs} copies with small differences fail too"
 
     @property
     def robust(self) -> bool:

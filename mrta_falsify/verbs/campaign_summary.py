@@ -17,7 +17,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.probability import WIDEST, Probability, failure_probability, interval_text
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import TightCount, counted, things_text
-from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
+from mrta_falsify.specs.causes import DEADLOCK, group_of, kind_of, leading
 
 if TYPE_CHECKING:
     from mrta_falsify.verbs.campaign import CampaignResult
@@ -158,7 +158,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
         then=campaign.settings.trials.then,
         unseen=unseen_in(campaign),
         against=against,
-        shut=counted(record.shut for record in known),
+        shut=counted(record.origin.shut for record in known),
     )
 
 
@@ -176,7 +176,7 @@ def stack_comparison(campaign: Campaign) -> StackComparison | None:
     return StackComparison(
         found=found,
         knife_edges=sum(other.passes for _, other in compared) - found,
-        on_both=sum(record.fails_on_both for record, _ in compared),
+        on_both=sum(other.fate == "fails" for _, other in compared),
         not_judged=sum(other.fate == "not judged" for _, other in compared),
         runs=sum(other.runs for _, other in compared),
         wall_s=round(sum(other.wall_s for _, other in compared), 3),
@@ -212,12 +212,11 @@ def failures_by_kind(records: Iterable[TrialRecord]) -> dict[str, int]:
 
     Those only in what is looked for last are not counted: together they are all failures.
     """
-    failed = (record for record in records if record.failed and not record.is_afterthought)
-    return _by_kind(Counter(kind_of(record.verdicts) for record in failed))
+    return _by_kind(Counter(group_of(record.result) for record in records))
 
 
 def _by_kind(counts: Counter[str]) -> dict[str, int]:
-    return {**{kind: counts[kind] for kind in KINDS}, OTHER: counts[""]}
+    return {**{kind: counts[kind] for kind in KINDS}, OTHER: counts[OTHER]}
 
 
 def kinds_text(counts: Mapping[str, int]) -> str:
@@ -251,7 +250,7 @@ def unseen_sentence(found: Unseen) -> str:
 
 def repeat_counts(campaign: Campaign) -> RepeatCounts | None:
     """Count failures by how often they came again; None if none was run again."""
-    found = [record.repeated for record in campaign.records if record.repeated is not None]
+    found = [record.repeats for record in campaign.records if record.repeats is not None]
     if not found:
         return None
     always = sum(one.same.failures == one.runs for one in found)
@@ -270,7 +269,7 @@ def repeat_sentence(counts: RepeatCounts) -> str:
 
 def _accepted(campaign: Campaign) -> tuple[int, int]:
     """Count the proposals that the scenario took as they were, and all that it took."""
-    attempts = [record.attempts for record in campaign.records if record.attempts]
+    attempts = [r.origin.attempts for r in campaign.records if r.origin.attempts]
     return attempts.count(1), len(attempts)
 
 
@@ -308,7 +307,7 @@ def probability_of(
 def uniform_trials(campaign: Campaign) -> list[TrialRecord]:
     """List the trials that were drawn evenly; of ``random`` all were, also in older versions."""
     is_random = campaign.settings.sampler.name == "random"
-    return [record for record in campaign.records if record.uniform or is_random]
+    return [record for record in campaign.records if record.origin.uniform or is_random]
 
 
 def _what_counts(campaign: Campaign, uniform: int) -> str:
@@ -358,14 +357,14 @@ def modes(campaign: Campaign) -> tuple[FailureMode, ...]:
     """
     groups: dict[str, list[TrialRecord]] = {}
     for record in sorted(campaign.records, key=lambda record: not record.is_robust):
-        if record.is_reported:
+        if record.rank != "none":
             groups.setdefault(record.signature, []).append(record)
     found = [
         FailureMode(
             signature=name,
             count=len(records),
             ids=tuple(record.id for record in records),
-            is_afterthought=records[0].is_afterthought,
+            is_afterthought=group_of(records[0].result) == "secondary",
             kind=_kind_of_mode(records[0]),
         )
         for name, records in groups.items()
@@ -392,7 +391,7 @@ def screening_agreement(campaign: Campaign) -> ScreeningAgreement | None:
     """Count failures of the quick engine that physics confirmed; None without screening."""
     if not campaign.settings.trials.screen:
         return None
-    screened = [record for record in campaign.records if record.screening is not None]
+    screened = [record for record in campaign.records if record.origin.screening is not None]
     return ScreeningAgreement(
         failed_in_screening=len(screened), confirmed=sum(record.failed for record in screened)
     )
@@ -402,8 +401,8 @@ def engine_agreement(campaign: Campaign) -> tuple[EngineAgreement, ...]:
     """Count the robust failures that other engines share, in the order they were asked for."""
     counts: dict[str, list[bool]] = {}
     for record in campaign.records:
-        for run in record.confirmed:
-            counts.setdefault(run.engine, []).append(run.fails)
+        for name, run in record.engines.items():
+            counts.setdefault(name, []).append(run.total.robust)
     return tuple(
         EngineAgreement(engine=name, asked=len(fails), fails=sum(fails))
         for name, fails in counts.items()

@@ -74,7 +74,7 @@ def estimate_cost(
             records.append(runner.run(number, u))
             kept = trial_folder(Path(folder), number)
             size += sum(path.stat().st_size for path in kept.rglob("*") if path.is_file())
-    spent = sum(record.scene_s + record.wall_s for record in records) / trials
+    spent = sum(record.origin.scene_s + record.wall_s for record in records) / trials
     per_line = BYTES_OF_RECORD + BYTES_OF_DIMENSION * settings.cube.dimensions
     return CostEstimate(
         budget=budget,

@@ -30,7 +30,7 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
     simulations, seconds, signatures = 0, 0.0, set()
     first: tuple[int, float] | None = None
     for record in campaign.records:
-        seconds += record.scene_s + record.wall_s
+        seconds += record.origin.scene_s + record.wall_s
         if not record.was_run:
             continue
         simulations += 1

@@ -16,7 +16,9 @@ from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import Job, on_kinematic_engine
 from mrta_falsify.verbs import report as reporting
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -49,7 +51,7 @@ def text_of(campaign):
 def passing(campaign, number):
     """A record of a trial that holds."""
     (record,) = campaign.records
-    return dataclasses.replace(
+    return changed(
         record,
         candidate=dataclasses.replace(record.candidate, number=number),
         verdicts=(Verdict(spec=SPEC, robustness=0.4, violated=False),),
@@ -57,7 +59,7 @@ def passing(campaign, number):
         signature="",
         layer="",
         trace_file="",
-        world_digest=f"{number:064d}",
+        world=f"{number:064d}",
     )
 
 
@@ -117,10 +119,10 @@ def test_a_campaign_of_rejected_scenes_and_errors_says_that_nothing_was_judged(c
     rows = [
         TrialRecord(
             candidate=dataclasses.replace(record.candidate, number=number),
-            status=status,
+            result=RunResult(status=status) if status else None,
             error=f"Traceback\n\x1b[31mworker {number} ended by signal 9\x1b[0m",
         )
-        for number, status in enumerate(("rejected", "crashed", "timeout"))
+        for number, status in enumerate(("", "error", "timeout"))
     ]
     broken = with_records(campaign, tmp_path / "broken", *rows)
     result = report(broken.directory, "--junit", tmp_path / "j.xml")
@@ -220,9 +222,11 @@ def evil(stalled, tmp_path):
     job = Job(world=named, config=config, specifications=(SPEC,))
     campaign = stored(tmp_path / "evil", job, renamed)
     (record,) = campaign.records
-    record = dataclasses.replace(record, signature=f"{SPEC}/{EVIL}")
+    record = changed(record, signature=f"{SPEC}/{EVIL}")
     crashed = TrialRecord(
-        candidate=dataclasses.replace(record.candidate, number=1), status="crashed", error=EVIL
+        candidate=dataclasses.replace(record.candidate, number=1),
+        result=RunResult(status="error"),
+        error=EVIL,
     )
     return dataclasses.replace(campaign, records=(record, crashed))
 
@@ -264,16 +268,16 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     (record,) = campaign.records
     records = []
     for number in range(10_000):
-        row = dataclasses.replace(
+        row = changed(
             record if number % 3 == 0 else passing(campaign, number),
             candidate=dataclasses.replace(record.candidate, number=number),
             descriptors={"x": number % 97 / 97, "y": number % 89 / 89},
         )
         if number % 3 == 0:  # in 700 modes, each with a run of its own to show
-            row = dataclasses.replace(row, signature=f"{record.signature}/{number % 2100}")
+            row = changed(row, signature=f"{record.signature}/{number % 2100}")
         if number % 100 == 1:
-            row = dataclasses.replace(
-                row, status="crashed", verdicts=(), error=f"Traceback\nerror {number % 300}"
+            row = changed(
+                row, status="error", verdicts=(), error=f"Traceback\nerror {number % 300}"
             )
         records.append(row)
     many = _ManyFolders(
@@ -302,7 +306,7 @@ def test_two_stacks_are_compared_by_mode_and_world_by_world(campaign, tmp_path):
     (record,) = campaign.records
     fine = passing(campaign, 1)
     one = with_records(campaign, tmp_path / "one", record, fine)
-    cured = dataclasses.replace(passing(campaign, 0), world_digest=record.world_digest)
+    cured = changed(passing(campaign, 0), world=record.world_digest)
     other_stack = dataclasses.replace(campaign.settings.trials.stack, planner=Choice("ompl"))
     two = with_records(campaign, tmp_path / "two", cured, fine, stack=other_stack)
     result = report(one.directory, "--against", two.directory, "--markdown", tmp_path / "r.md")

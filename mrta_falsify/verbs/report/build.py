@@ -14,13 +14,14 @@ import yaml
 
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.trial_index import TrialIndex
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.specs.causes import kind_of, leading
+from mrta_falsify.specs.causes import group_of, kind_of, leading
 from mrta_falsify.verbs.campaign_summary import (
     FailureMode,
     comparison_sentence,
@@ -35,9 +36,9 @@ from mrta_falsify.verbs.report.against import comparison_tables, stack_differenc
 from mrta_falsify.verbs.report.cases import readable_cases
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
-from mrta_falsify.verbs.report.summary import summary_sentences
+from mrta_falsify.verbs.report.summary import summary_parts, summary_sentences
 from mrta_falsify.verbs.report.trial_table import trial_table
-from mrta_falsify.verbs.stored_trials import layer_of
+from mrta_falsify.verbs.stored_trials import layer_of, row_of
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.page import write_page
 from reports.sentences import violation_sentence
@@ -90,7 +91,7 @@ def build_report(
     failed = [record for record in judged if record.failed]
     shown, lost = readable_cases(campaign, cases)
     floor = _any_world(campaign, judged)
-    versions = next((record.versions for record in judged), {})
+    versions = next((record.origin.versions for record in judged), {})
     kinds = modes(campaign)
     layers = {record.id: layer_of(campaign, record) for record in failed}
     found = _modes(kinds, failed, shown, layers)
@@ -135,6 +136,18 @@ def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, .
     return (*told, *notes_of(campaign))
 
 
+def index_of(campaign: Campaign) -> TrialIndex:
+    """Make the index of a campaign, from which it is listed without its log."""
+    judged = [record for record in campaign.records if record.status == "ok"]
+    mattering = rank_dimensions(campaign, judged).mattering
+    before, after = summary_parts(campaign, judged, modes(campaign), mattering)
+    return TrialIndex(
+        rows=tuple(row_of(record, record.layer) for record in campaign.records),
+        ranked=frozenset(record.id for record in judged if record.rank != "none"),
+        summary=(before, (*after, *notes_of(campaign))),
+    )
+
+
 def _compared_notes(settings: TrialSettings) -> tuple[str, ...]:
     """Say what a campaign compares, and when a failure counts."""
     if settings.against is None:
@@ -159,7 +172,7 @@ def _headline(
     compared = stack_comparison(campaign)
     if compared is not None:
         return f"{judged} trials: {comparison_sentence(compared)}"
-    last = sum(record.is_afterthought for record in failed)
+    last = sum(group_of(record.result) == "secondary" for record in failed)
     counts = failures_by_kind(failed)
     shut = counts.pop("shut")
     sought = len(failed) - last - shut
@@ -215,15 +228,15 @@ def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | Non
 
 def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
     places = np.array(
-        [[r.descriptors.get("x", 0.5), r.descriptors.get("y", 0.5)] for r in judged]
+        [[r.search.descriptors.get("x", 0.5), r.search.descriptors.get("y", 0.5)] for r in judged]
     ).reshape(-1, 2)
     if floor is not None:
         places = floor.bounds[:2] + places * (floor.bounds[2:] - floor.bounds[:2])
     return TrialScores(
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
-        failed=tuple(record.is_reported for record in judged),
-        deadlocked=tuple(r.is_reported and kind_of(r.verdicts) == "deadlock" for r in judged),
+        failed=tuple(record.rank != "none" for record in judged),
+        deadlocked=tuple(r.rank != "none" and kind_of(r.verdicts) == "deadlock" for r in judged),
         situations=_situations_so_far(judged),
         places=places,
     )
@@ -234,6 +247,6 @@ def _situations_so_far(judged: Sequence[TrialRecord]) -> tuple[int, ...]:
     seen: set[str] = set()
     counts = []
     for record in judged:
-        seen.update(record.situations)
+        seen.update(record.search.situations)
         counts.append(len(seen))
     return tuple(counts) if seen else ()

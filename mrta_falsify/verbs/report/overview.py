@@ -10,6 +10,7 @@ from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import counted
+from mrta_falsify.specs.causes import group_of
 from mrta_falsify.verbs.campaign_summary import (
     OTHER,
     NoProbability,
@@ -42,11 +43,11 @@ def facts_of(
     settings = campaign.settings
     statuses = Counter(record.status for record in campaign.records)
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
-    computed = sum(record.wall_s + record.scene_s for record in campaign.records)
+    computed = sum(record.wall_s + record.origin.scene_s for record in campaign.records)
     first = first_failure(judged)
     counts = failures_by_kind(failed)
-    last = sum(record.is_afterthought for record in failed)
-    shut = counted(record.shut for record in campaign.records)
+    last = sum(group_of(record.result) == "secondary" for record in failed)
+    shut = counted(record.origin.shut for record in campaign.records)
     facts = [
         ("scenario", settings.trials.scenario),
         ("trials", str(len(judged))),
@@ -119,7 +120,7 @@ def warnings_of(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str,
             f"The campaign was still running when this page was written ({owner}); it shows the "
             f"{len(campaign.records)} trials finished by then."
         )
-    kinds = {tuple(sorted(record.versions.items())) for record in judged}
+    kinds = {tuple(sorted(record.origin.versions.items())) for record in judged}
     if len(kinds) > 1:
         differing = sorted({name for kind in kinds for name, _ in set(kind) - set(min(kinds))})
         warnings.append(

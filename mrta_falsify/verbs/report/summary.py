@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.trial_index import layer_sentences
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.defects import defect
 from mrta_falsify.core.probability import WIDEST
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
-from mrta_falsify.specs.attribution import WORLD
+from mrta_falsify.specs.causes import group_of
 from mrta_falsify.verbs.campaign_summary import (
     OTHER,
     FailureMode,
@@ -43,16 +43,26 @@ def summary_sentences(
         mattering: dimensions that failing goes with beyond chance.
         layers: suspected layer by id of a failing trial, by re-runs where there are any.
     """
+    before, after = summary_parts(campaign, judged, found, mattering)
+    suspected = (layers.get(record.id, "") for record in judged if record.rank != "none")
+    return (*before, *layer_sentences(suspected), *after)
+
+
+def summary_parts(
+    campaign: Campaign,
+    judged: Sequence[TrialRecord],
+    found: Sequence[FailureMode],
+    mattering: Sequence[int],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Give the sentences before and after those on layers; see :func:`summary_sentences`."""
     if not judged:
-        return ()
-    return (
+        return (), ()
+    before = (
         *_stack_sentences(campaign.settings.trials.stack),
         *_failure_sentences(campaign, judged),
         *_mode_sentences(judged, found),
-        *_layer_sentences(judged, layers),
-        *_parameter_sentences(campaign, mattering),
-        *_unseen_sentences(campaign),
     )
+    return before, (*_parameter_sentences(campaign, mattering), *_unseen_sentences(campaign))
 
 
 def _stack_sentences(stack: StackConfig) -> list[str]:
@@ -85,9 +95,9 @@ def _options_text(stack: StackConfig, layer: str) -> str:
 def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> list[str]:
     name = Path(campaign.settings.trials.scenario).stem
     hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
-    reported = [record for record in judged if record.is_reported]
+    reported = [record for record in judged if record.rank != "none"]
     counts = failures_by_kind(reported)
-    last = sum(record.is_afterthought for record in reported)
+    last = sum(group_of(record.result) == "secondary" for record in reported)
     parts = [_share("ended in a deadlock", counts["deadlock"], len(judged))]
     parts += [
         _share(what, counts[kind], len(judged))
@@ -116,17 +126,6 @@ def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode])
     count = primary_modes(found)
     kinds = "one way" if count == 1 else f"{count} different ways"
     return [f"They fail in {kinds}; the first of these came in trial {first} of {len(judged)}."]
-
-
-def _layer_sentences(judged: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
-    suspected = Counter(layers.get(r.id, "").replace("_", " ") for r in judged if r.is_reported)
-    none, shut = suspected.pop("", 0), suspected.pop(WORLD, 0)
-    if not suspected:
-        return []
-    named = [f"the {name} ({count})" for name, count in suspected.most_common()]
-    named += [f"none ({none})"] if none else []
-    named += [f"none, the world shut a place ({shut})"] if shut else []
-    return [f"Suspected part of the stack, by trials: {listed(named)}."]
 
 
 def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:
