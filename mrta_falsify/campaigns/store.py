@@ -90,14 +90,12 @@ class Campaign:
         Raises:
             StoreError: no such trial.
         """
-        name = str(name)
-        is_number = name.isascii() and name.isdigit() and len(name) <= MAX_DIGITS
-        wanted = int(name) if is_number else -1
+        wanted = _number_of(str(name))
         for record in self.records:
             if record.number == wanted:
                 return record
         known = f"trials {self.records[0].id} to {self.records[-1].id}" if self.records else "none"
-        raise StoreError(f"{self.directory}: has no trial {name!r}; it has {known}")
+        raise StoreError(f"{self.directory}: has no trial {str(name)!r}; it has {known}")
 
     def folder(self, record: TrialRecord) -> Path:
         """Name the directory of the files of a trial; it need not exist.
@@ -179,6 +177,12 @@ class Campaign:
             row |= {f"param {n}" if n in row else n: value for n, value in values.items()}
             rows.append(row)
         return pd.DataFrame(rows)
+
+
+def _number_of(name: str) -> int:
+    """Give the number of a trial by its id, as ``0042`` or ``42``; -1: it is none."""
+    is_number = name.isascii() and name.isdigit() and len(name) <= MAX_DIGITS
+    return int(name) if is_number else -1
 
 
 def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
@@ -393,6 +397,34 @@ def read_campaign(directory: Path) -> Campaign:
     log = _read_log(directory / RECORDS, leaves_out=True)
     records = sorted(log.records, key=lambda record: record.number)
     return Campaign(directory=directory, settings=settings, records=tuple(records))
+
+
+def read_trial(directory: Path, name: str | int) -> Campaign:
+    """Read a campaign with one of its records alone, without decoding the others.
+
+    Args:
+        directory: of the campaign.
+        name: id of the trial, as ``0042``, ``42`` or the number.
+
+    Returns:
+        The campaign with that record; with all that there are, if it has no such record.
+
+    Raises:
+        StoreError: not a campaign, of another version, or the log is damaged.
+    """
+    made_here.refuse_links(directory)
+    settings = read_campaign_settings(directory)
+    path = directory / RECORDS
+    begins = f'{{"candidate":{{"number":{_number_of(str(name))},'
+    for number, (_, text) in enumerate(_whole_lines(path), start=1):
+        if text.startswith(begins):
+            where = f"{path}:{number}"
+            with contextlib.suppress(InputError):  # all are read, and the message names it
+                data = migrated(parse_json(text, where))
+                record = codec.decode(TrialRecord, data, where=where)
+                if record.ended != INTERRUPTED:
+                    return Campaign(directory=directory, settings=settings, records=(record,))
+    return read_campaign(directory)
 
 
 def owner_of(directory: Path) -> str:

@@ -119,6 +119,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.campaigns.store import read_trial
     from mrta_falsify.core.claims import KIND_TEXT
     from mrta_falsify.specs.causes import kind_of
     from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
@@ -126,13 +127,12 @@ def show_command(directory: Path, id: str, style: str) -> int:
         compared_sentences,
         explained_reason,
         layer_of,
-        open_campaign,
         what_happened,
     )
     from reports.sentences import beside_sentences
     from reports.stack_sentences import coupling_facts
 
-    campaign = open_campaign(directory)
+    campaign = read_trial(directory, id)
     record = campaign.record(id)
     told, kind = what_happened(campaign, record), kind_of(record.verdicts)
     beside = beside_sentences(record.verdicts)

@@ -10,7 +10,7 @@ from pathlib import Path
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.settings import COMPARISON_RUNS
 from mrta_falsify.campaigns.statistics import chance_in_vote
-from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
+from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign, read_trial
 from mrta_falsify.campaigns.trial_index import TrialRow, explained_rows, read_index
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError, NeedsOption
@@ -204,7 +204,7 @@ def show_trial(directory: Place, id: str | int) -> TrialRecord:
     Raises:
         StoreError: not a campaign, or no such trial.
     """
-    return open_campaign(directory).record(str(id))
+    return read_trial(Path(directory), id).record(id)
 
 
 def of_other_stack(campaign: Campaign, record: TrialRecord) -> tuple[Campaign, TrialRecord]:

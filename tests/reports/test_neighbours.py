@@ -107,10 +107,10 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
     assert ranking.mattering == (0,)
     first, second = parameter_importances(many, records, ranking)
     assert (first.name, second.name) == ("bed.x", "people")
-    assert first.parts[-1].high == pytest.approx(max(r.values[0] for r in records))
+    assert first.parts[-1].high == pytest.approx(max(r.origin.values[0] for r in records))
     table = trial_table(many, modes(many), [1, 0])
     assert table.parameters == ("people", "bed.x")
-    assert table.rows[0].values == (None, records[0].values[0])
+    assert table.rows[0].values == (None, records[0].origin.values[0])
     failed = [record.id for record in records if record.failed]
     layers = dict.fromkeys(failed, "queue_policy")
     told = " ".join(summary_sentences(many, records, modes(many), ranking.mattering, layers))

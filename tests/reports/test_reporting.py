@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
 from html.parser import HTMLParser
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import pytest
@@ -21,8 +23,9 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import Job, on_kinematic_engine
 from mrta_falsify.verbs import report as reporting
+from mrta_falsify.verbs.report import build
 from mrta_falsify.verbs.stored_trials import open_campaign
-from reports.page import render_page
+from reports.page import draw_cases, render_page
 from tests import browser
 from tests.reports.newcomer import lines_of
 from tests.reports.planted import stored
@@ -178,9 +181,8 @@ def test_a_campaign_of_another_version_is_refused_in_words(campaign):
 
 def test_trials_of_different_versions_are_pointed_out(campaign, tmp_path):
     (record,) = campaign.records
-    other = dataclasses.replace(
-        passing(campaign, 1), versions={**record.versions, "numpy": "0.0.1"}
-    )
+    versions = {**record.origin.versions, "numpy": "0.0.1"}
+    other = changed(passing(campaign, 1), versions=versions)
     mixed = with_records(campaign, tmp_path / "mixed", record, other)
     assert report(mixed.directory).exit_code == 0
     assert "Trials were run by different versions of numpy" in text_of(mixed)
@@ -295,6 +297,35 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     assert any(re.match(r"\d+ trials: error 1$", line) for line in lines)
 
 
+def test_cases_behind_the_first_ones_are_pages_beside_the_page(campaign, tmp_path, monkeypatch):
+    (record,) = campaign.records
+    rows = [
+        dataclasses.replace(record, candidate=dataclasses.replace(record.candidate, number=i))
+        for i in range(4)
+    ]
+    many = _ManyFolders(
+        directory=campaign.directory, settings=campaign.settings, records=tuple(rows)
+    )
+    monkeypatch.setattr(build, "PAGE_CASES", 1)
+    page = reporting.write_report(many, tmp_path / "a page.html", cases=3)
+    links = re.findall(r'href="(a%20page[^"]+)"', page.read_text())
+    assert links == [f"a%20page.cases/trial-000{i}.html" for i in (1, 2)]
+    assert page.read_text().count("<article ") == 1
+    assert "Without a replay here: 0003." in " ".join(lines_of(page.read_text()))
+    for link in links:
+        case = page.parent / unquote(link)
+        text = case.read_text()
+        assert text.count("<article ") == 1
+        assert 'href="../a%20page.html"' in text
+        assert "http" not in re.sub(r"http://www.w3.org/\d+/\w+", "", text)
+    case.write_text("as before")
+    reporting.write_report(many, page, cases=3, refresh=5)  # it is newer than its trial
+    assert case.read_text() == "as before"
+    os.utime(case, (0, 0))
+    reporting.write_report(many, page, cases=3, refresh=5)
+    assert case.read_text() == text
+
+
 class _ManyFolders(Campaign):
     """A campaign whose trials all have the files of the first one."""
 
@@ -353,8 +384,11 @@ def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
     whole = render_page(found)
     assert whole.count("<article ") == 4
     room = [len(whole) // part for part in (1, 2, 4, 8, 16)]
-    shown = [render_page(found, most_bytes=most).count("<article ") for most in room]
+    shown = [
+        render_page(found, drawn=draw_cases(found, most_bytes=most)).count("<article ")
+        for most in room
+    ]
     assert shown == sorted(shown, reverse=True)
     assert any(1 < count < 4 for count in shown)
-    least = " ".join(lines_of(render_page(found, most_bytes=1)))
+    least = " ".join(lines_of(render_page(found, drawn=draw_cases(found, most_bytes=1))))
     assert "Without a replay here: 0001, 0002, 0003." in least

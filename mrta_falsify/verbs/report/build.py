@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import yaml
@@ -18,6 +20,7 @@ from mrta_falsify.campaigns.trial_index import TrialIndex
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import make_folder
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
@@ -33,18 +36,19 @@ from mrta_falsify.verbs.campaign_summary import (
     unjudged_sentences,
 )
 from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
-from mrta_falsify.verbs.report.cases import readable_cases
+from mrta_falsify.verbs.report.cases import case_of, in_turn, readable_cases
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
 from mrta_falsify.verbs.report.summary import summary_parts, summary_sentences
 from mrta_falsify.verbs.report.trial_table import trial_table
 from mrta_falsify.verbs.stored_trials import layer_of, row_of
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
-from reports.page import write_page
+from reports.page import draw_cases, write_page
 from reports.sentences import violation_sentence
 
 MAX_CASES = 20  # shown in full unless asked otherwise
-CASE_BYTES = 225_000  # of the page for each case that is asked for: 20 make 4.5 MB
+PAGE_CASES = 100  # on the page itself; further ones are files beside it
+BESIDE = ".cases"  # ends the name of their folder
 
 
 def write_report(
@@ -61,7 +65,8 @@ def write_report(
         campaign: to report.
         path: the HTML file.
         against: a campaign with another stack on the same scenario, to compare with.
-        cases: failures to show in full at most.
+        cases: failures to show in full at most; those that the page has no room for, and all
+            behind the first hundred, are files in a folder beside it, which the page links.
         refresh: after how many seconds an open page loads itself again; 0: never.
 
     Returns:
@@ -70,10 +75,79 @@ def write_report(
     Raises:
         PlaceError: the file cannot be written.
     """
-    report = build_report(campaign, against=against, cases=cases)
-    report = dataclasses.replace(report, refresh=refresh)
-    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MAX_CASES))
+    report = build_report(campaign, against=against, cases=min(cases, PAGE_CASES))
+    drawn = draw_cases(report)
+    report = dataclasses.replace(
+        report,
+        refresh=refresh,
+        beside=_write_beside(campaign, path, report, set(drawn), cases, is_watched=refresh > 0),
+    )
+    write_page(report, path, drawn=drawn)
     return path
+
+
+def _write_beside(
+    campaign: Campaign,
+    path: Path,
+    report: ReportContents,
+    drawn: Collection[str],
+    cases: int,
+    *,
+    is_watched: bool,
+) -> dict[str, str]:
+    """Write the cases that the page has no room for beside it, one page each.
+
+    Args:
+        campaign: to report.
+        path: of the page.
+        report: what the page says.
+        drawn: ids of the cases on it.
+        cases: failures to show in full at most, those on the page included.
+        is_watched: whether pages stay that are newer than the files of their trials.
+
+    Returns:
+        Paths from the page, by id of the trial.
+    """
+    folder = path.with_name(path.stem + BESIDE)
+    beside: dict[str, str] = {}
+    for record in itertools.islice(in_turn(campaign), cases):
+        if record.id in drawn:
+            continue
+        page = folder / f"trial-{record.id}.html"
+        if not (is_watched and _is_newer(page, campaign.folder(record))):
+            try:
+                case = case_of(campaign, record)
+            except InputError:  # the page names the first of them
+                continue
+            make_folder(folder)
+            write_page(_case_page(report, case, path), page)
+        beside[record.id] = f"{quote(folder.name)}/{page.name}"
+    return beside
+
+
+def _is_newer(page: Path, folder: Path) -> bool:
+    """Whether a page was written after all files of a trial."""
+    with contextlib.suppress(OSError):
+        written = page.stat().st_mtime_ns
+        return all(file.stat().st_mtime_ns < written for file in folder.iterdir())
+    return False
+
+
+def _case_page(report: ReportContents, case: CaseContents, path: Path) -> ReportContents:
+    """Make the page of one case beside that of its campaign."""
+    verdict = leading(case.verdicts)
+    happened = violation_sentence(verdict) if verdict is not None else ""
+    mode = Mode(signature=case.signature, ids=(case.id,), cases=(case,), happened=happened)
+    return ReportContents(
+        title=f"Trial {case.id} of {report.title}",
+        headline=happened,
+        facts=(),
+        modes=(mode,),
+        stack=report.stack,
+        other_stack=report.other_stack,
+        versions=report.versions,
+        whole=f"../{quote(path.name)}",
+    )
 
 
 def build_report(

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.config import StackConfig
 
 MAX_LOST = 20  # failures with missing files after which the others are not read
+MAX_HELD = 100_000_000  # bytes of traces that are held at once
 LOST_TOLD = 5  # of them, each of which gets a sentence
 
 
@@ -49,13 +50,15 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], l
 
     Args:
         campaign: whose failures.
-        most: cases to show.
+        most: cases to show; fewer where their traces take up much memory.
     """
     cases: list[CaseContents] = []
     lost: list[str] = []
+    held = 0
     for record in in_turn(campaign):
-        if len(cases) >= most or len(lost) >= MAX_LOST:
+        if len(cases) >= most or len(lost) >= MAX_LOST or held > MAX_HELD:
             break
+        held += sum(column.nbytes for column in cases[-1].trace.columns.values()) if cases else 0
         try:
             cases.append(case_of(campaign, record))
         except InputError as error:
