@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.process_clock import cpu_of_tree
+from mrta_falsify.process.usage import cpu_of_tree
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import Task, World, write_world

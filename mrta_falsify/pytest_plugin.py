@@ -251,10 +251,10 @@ def pytest_runtest_call(item: pytest.Item) -> None:
     found = getattr(item, "funcargs", {}).get(FIXTURE)
     if found is None:
         return
-    compares = found.campaign.settings.trials.against is not None
-    failures = [r for r in found.campaign.records if (r.is_robust if compares else r.failed)]
-    if failures:
-        pytest.fail(_failure_text(found, failures[0], len(failures)), pytrace=False)
+    stats = found.campaign.stats()
+    if stats.first_own_failure is not None:
+        record = found.campaign.record(stats.first_own_failure)
+        pytest.fail(_failure_text(found, record, stats.own_failures), pytrace=False)
 
 
 def _failure_text(found: CampaignResult, record: TrialRecord, failures: int) -> str:

@@ -16,8 +16,8 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Comparing, Costs, Specification
 from mrta_falsify.core.run_result import Rank
+from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.stack_failure import StackLimits
-from mrta_falsify.core.task_history import LATE_OR_UNDONE
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.causes import kind_of, primary, secondary
@@ -378,6 +378,12 @@ def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...
     return tuple(name for name in default_specifications() if name not in left_out)
 
 
+def late_or_undone() -> tuple[str, ...]:
+    """List the usual specifications that say only that work was late or undone, lateness first."""
+    outcomes = [name for name in default_specifications() if profile_of(name).role == "outcome"]
+    return tuple(sorted(outcomes, key=lambda name: profile_of(name).tie))
+
+
 def primary_and_secondary(
     specs: str | Sequence[str] = (),
     then: str | Sequence[str] = (),
@@ -398,7 +404,8 @@ def primary_and_secondary(
         ConfigError: nothing is left to be looked for first.
     """
     named, last = spec_names(specs), spec_names(then)
-    last = last if named or last else LATE_OR_UNDONE
+    if not named and not last:
+        last = late_or_undone()
     first = tuple(name for name in named or campaign_specifications(config) if name not in last)
     if not first:
         raise ConfigError(

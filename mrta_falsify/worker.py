@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrta_falsify.campaigns import time_limit
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_RUNS, TrialSettings
 from mrta_falsify.campaigns.signature import signature
@@ -43,6 +42,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.perturbed_runs import NO_COMPARISON, Comparison, judged_by_vote, trial_score
 from mrta_falsify.possibility import look_at
+from mrta_falsify.process.budget import credit, own_budget
 from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import (
@@ -102,7 +102,7 @@ class TrialRunner:
     def __init__(self, settings: TrialSettings, program: Program) -> None:
         self._settings = settings
         self._program = program
-        self._guard = Guard(on_lost=time_limit.begin_anew)
+        self._guard = Guard(on_lost=credit)
         self._files = TrialFiles.of(settings.directory)
 
     def run(self, number: int, u: np.ndarray) -> TrialRecord:
@@ -182,7 +182,7 @@ class TrialRunner:
         settings, runs = self._settings, []
         others = [name for name in settings.confirm if name != config.engine.name]
         for name in others:
-            with time_limit.with_its_own():
+            with own_budget():
                 there = dataclasses.replace(config, engine=Choice(name))
                 run = self._judge(world, there, scene, keep_trace=False)
                 copies = settings.jittered or CONFIRMING_RUNS
@@ -205,7 +205,7 @@ class TrialRunner:
 
     def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
         """Run a world under the other stack, with the whole time limit."""
-        with time_limit.with_its_own():
+        with own_budget():
             return self._judge(world, config, scene)
 
     def _keep_other(
@@ -229,7 +229,7 @@ class TrialRunner:
 
     def _run_again(self, world: World, config: StackConfig, scene: Any) -> Judged | None:
         try:
-            with time_limit.with_its_own():
+            with own_budget():
                 return self._judge(world, config, scene, keep_trace=False)
         except InputError:  # the stack did not start this time
             return None

@@ -10,6 +10,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import Claim, leading_claim
+from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import (
@@ -45,26 +46,6 @@ CAUSES = {
 #: what held a robot, by the kinds of the evidence
 HOLDERS = {"person": "people", "robot": "robots", "solid": "solids"}
 
-MEANINGS = {
-    "no_robot_robot_contact": "two robots touched",
-    "no_robot_static_contact": "a robot touched a wall or furniture",
-    "no_robot_human_contact": "a moving robot touched a person",
-    "human_clearance": "a moving robot came closer than 0.1 m to a person",
-    "all_tasks_done": "not all tasks were delivered",
-    "deadlines": "a deadline was missed",
-    "exclusive_use": "more robots were in a resource than it has room for",
-    "stack_runs": "the stack failed",
-    "repeatable": "the stack answered the same question differently",
-    "kinematic_limits": "a robot moved faster than it can",
-    "honest_events": "the stack said what its robots did not do",
-    "costly_way": "robots drove farther than the reference stack lets them",
-    "costly_time": "the work took longer than with the reference stack",
-    "costly_calls": "the allocator was called more often than by the reference stack",
-    "no_livelock": "a robot kept driving without getting closer to its goal",
-    "no_starvation": "a robot went on waiting while later ones were served",
-    "progress": "a robot with work made no progress",
-}
-
 
 def violation_sentence(verdict: Verdict) -> str:
     """Describe a violated verdict in one sentence, with time, robots and place."""
@@ -80,7 +61,7 @@ def violation_sentence(verdict: Verdict) -> str:
     late = verdict.evidence.get("late")
     if verdict.spec == "deadlines" and isinstance(late, (list, tuple)) and len(late) > 1:
         return _late_sentence(late)
-    meaning = _meaning(verdict)
+    meaning = profile_of(verdict.spec).meaning
     who, where = listed(verdict.who), _place(_place_of(verdict.evidence))
     concerned = f": {who}" if who else ""
     return f"{meaning[0].upper()}{meaning[1:]}{when}{concerned}{where}{_detail(verdict)}."
@@ -191,11 +172,6 @@ def object_text(item: PresentObject) -> str:
     if item.carried_by:
         return f"{item.name} (pushed by {item.carried_by})"
     return f"{item.name} (a {item.kind})" if item.kind in ("person", "blockage") else item.name
-
-
-def _meaning(verdict: Verdict) -> str:
-    """Say in a few words what a violated specification means."""
-    return MEANINGS.get(verdict.spec, f"{verdict.spec} is violated")
 
 
 def consequence_sentence(verdict: Verdict, cause: Verdict) -> str:

@@ -14,10 +14,10 @@ from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.interruption import propagate_interrupts
 from mrta_falsify.core.protocols import Specification
 from mrta_falsify.core.world import World
+from mrta_falsify.process.supervisor import run_supervised
 from simulator_interface.determinism_check import repeats_of
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import offer_forecasts
-from simulator_interface.watched_copy import run_in_watched_copy
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class Running:
             self.episode.become_copy()
             return codec.encode(run())
 
-        data = run_in_watched_copy(answer)
+        data = run_supervised(answer)
         return codec.decode(kind, data, where="re-run")
 
     def at(self, time: float) -> Running:

@@ -23,10 +23,11 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import FleetState
 from mrta_falsify.core.protocols import FleetStack, Repeating
 from mrta_falsify.core.stack_failure import DeterminismCheck, OtherAnswer
-from simulator_interface import forking
-from simulator_interface.heartbeat import post
+from mrta_falsify.process.child import can_fork
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.watch import current_watch
 from simulator_interface.stack_calls import Answer
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 CLOCKS = ("time", "monotonic", "perf_counter")
 LATER = 12_345.678  # s by which the clocks of a copy are wrong
@@ -49,7 +50,7 @@ def repeats_of(specifications: Iterable[object], config: StackConfig) -> Callabl
     None are where processes cannot be copied safely, or with a window open.
     """
     wanting = [one for one in specifications if isinstance(one, Repeating)]
-    if not forking.can_fork() or config.engine.options.get("gui", False):
+    if not can_fork() or config.engine.options.get("gui", False):
         wanting = []
     if len(wanting) == 1:
         return wanting[0].asks_again
@@ -73,9 +74,9 @@ def ask_again(
     asked = partial(_ask_twice, stack, state, fleet)
     again: list[Answered] | str
     try:
-        again = run_in_watched_copy(asked)
-    except CopyFailed as failed:
-        again = failed.message
+        again = run_supervised(asked)
+    except Ending as failed:
+        again = str(failed)
     return lambda answer: compared(answer, again, names)
 
 
@@ -86,7 +87,7 @@ def _ask_twice(stack: FleetStack, state: Any, fleet: FleetState) -> list[Answere
     for name in CLOCKS:
         _set_wrong(name)
     junk = [object() for _ in range(JUNK)]
-    here = post()
+    here = current_watch()
     here.enter(fleet.tick, fleet.time)
     try:
         memories = [state]

@@ -1,8 +1,8 @@
 """Forecasts: what specifications see in a continuation of an episode.
 
-A continuation is a fork (see :mod:`.forking`) in which no task arrives any more and no blockage
-or outage begins, unless what is to come is asked for. Those in force run their course, and people
-continue their routes and scripts.
+A continuation is a fork (see :mod:`mrta_falsify.process`) in which no task arrives any more and no
+blockage or outage begins, unless what is to come is asked for. Those in force run their course, and
+people continue their routes and scripts.
 In a counterfactual robots are taken away as well, to see whom they hold up. A nudged
 continuation differs a little: robots stand a few millimetres away, and noise falls otherwise.
 """
@@ -26,14 +26,15 @@ from mrta_falsify.core.protocols import (
 )
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
-from simulator_interface import forking
+from mrta_falsify.process.child import can_fork
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import Supervisor, run_supervised
 from simulator_interface.engines.robot_models import find_model, inner_disc
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.session import TranscriptSession
 from simulator_interface.external.transcript import QUESTIONS
 from simulator_interface.speculation import UNKNOWN, Speculation
-from simulator_interface.watched_copy import CallableCopy, CopyFailed, run_in_watched_copy
 
 
 class _Run(NamedTuple):
@@ -53,7 +54,7 @@ class _Run(NamedTuple):
 
 class _Standing(NamedTuple):
     run: _Run
-    copy: CallableCopy
+    copy: Supervisor
 
 
 class _Held(NamedTuple):
@@ -134,10 +135,10 @@ class EpisodeForecast:
             if isinstance(watch, ResumedWatch) and watch.series is not None:
                 answer = self._ask_standing(watch)
             else:
-                answer = run_in_watched_copy(
+                answer = run_supervised(
                     functools.partial(self._continue, watch, tuple(without), nudge, to_come)
                 )
-        except (StackFailed, CopyFailed):
+        except (StackFailed, Ending):
             answer = None
         if self._episode.outside is not None:
             self._episode.outside.talk.note_forecast(answer)
@@ -161,9 +162,9 @@ class EpisodeForecast:
         else:
             if known is not None:
                 known.copy.close()
-            known, call = _Standing(run, CallableCopy()), functools.partial(self._stand, watch)
+            known, call = _Standing(run, Supervisor()), functools.partial(self._stand, watch)
         try:
-            answer = known.copy.call(call)
+            answer = known.copy.run(call)
         finally:
             if answer is None:
                 known.copy.close()
@@ -279,6 +280,6 @@ def _forecast_of(
             return None
         return RecordedForecast(told.forecasts, discs_of(episode.world))
     has_window = episode.config.engine.options.get("gui", False)
-    if has_window or not episode.can_copy or not forking.can_fork():
+    if has_window or not episode.can_copy or not can_fork():
         return None
     return EpisodeForecast(episode, frames, speculates=speculates)

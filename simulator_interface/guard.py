@@ -1,14 +1,15 @@
 """The guard: runs that survive whatever the stack under test does.
 
-Inside ``with guarded():`` each episode runs in a copy of this process
-(:mod:`.watched_copy`). A stack that hangs, ends the process or takes too much memory costs the
-copy. If it does so in two runs, a third ends at that tick with the verdict: the trace and the other
-verdicts are as if the stack had raised an exception there. What happens in one of two runs is an
-error of no known cause.
+Inside ``with guarded():`` each episode runs in a fork of this process
+(:mod:`mrta_falsify.process.supervisor`). A stack that hangs, ends the process or takes too much
+memory costs the fork. If it does so in two runs, a third ends at that tick with the verdict: the
+trace and the other verdicts are as if the stack had raised an exception there. What happens in one
+of two runs is an error of no known cause.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -16,13 +17,22 @@ from typing import Any, TypeVar
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.stack_failure import StackFailure, StackLimits
-from simulator_interface import forking
-from simulator_interface.failing_layer import layer_of_places, shared_places, texts_of
-from simulator_interface.heartbeat import post
-from simulator_interface.watched_copy import CopyFailed, Request, WatchedCopy
+from mrta_falsify.process.budget import Budget
+from mrta_falsify.process.child import can_fork
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import Request, Supervisor
+from mrta_falsify.process.watch import current_watch
+from simulator_interface import stack_calls
+from simulator_interface.failing_layer import (
+    dumped_places,
+    layer_of_places,
+    shared_places,
+    texts_of,
+)
 
 T = TypeVar("T")
 
+DOOR = stack_calls.__file__  #: what calls the stack, whose own frames are not told
 MAX_RUNS = 6  # of one episode: a stack that fails at another tick each time
 
 
@@ -35,7 +45,7 @@ class Guard:
 
     def __init__(self, on_lost: Callable[[], None] = lambda: None) -> None:
         self._on_lost = on_lost
-        self._copy: WatchedCopy | None = None
+        self._copy: Supervisor | None = None
         self._limits: StackLimits | None = None
 
     def run(
@@ -63,14 +73,14 @@ class Guard:
         if not portable or limits != self._limits:
             self.close()
         self._limits = limits
-        seen: list[CopyFailed] = []
+        seen: list[Ending] = []
         ending: StackFailure | None = None
         while len(seen) < MAX_RUNS:
             try:
                 answer: T = self._ask(Request(call, ending, True), limits, on_time)
-            except CopyFailed as failed:
+            except Ending as ending_seen:
                 self._on_lost()
-                seen.append(failed)
+                seen.append(ending_seen)
                 if len(seen) > 1:
                     ending = _failure(seen, config)
                 continue
@@ -89,25 +99,25 @@ class Guard:
             self._copy.close()
             self._copy = None
 
-    def _says_so_itself(self, failed: CopyFailed) -> bool:
+    def _says_so_itself(self, seen: Ending) -> bool:
         """Whether the run that was answered last has measured what one before was ended for.
 
         Memory is measured within a call of the stack from outside, and after it by the run.
         """
-        return failed.kind == "memory" and self._copy is not None and self._copy.is_too_large
+        return seen.kind == "memory" and self._copy is not None and self._copy.is_too_large
 
     def _ask(self, request: Request, limits: StackLimits, on_time: Callable[[float], None]) -> Any:
-        copy, self._copy = self._copy or WatchedCopy(limits), None
+        copy, self._copy = self._copy or Supervisor(Budget.of_stack(limits)), None
         is_sound = False
         try:
             if not copy.ask(request):
                 copy.close()
-                copy = WatchedCopy(limits)
+                copy = Supervisor(Budget.of_stack(limits))
                 copy.ask(request)
             answer = copy.answer(on_time)
             is_sound = True
         except Exception as error:
-            is_sound = not isinstance(error, CopyFailed | HarnessError)
+            is_sound = not isinstance(error, Ending | HarnessError)
             raise
         finally:
             if is_sound:
@@ -117,26 +127,16 @@ class Guard:
         return answer
 
 
-def _what(failed: CopyFailed) -> str:
-    return f"{failed.message} at tick {failed.pulse.tick} ({failed.pulse.time:.2f} s)"
+def _what(ending: Ending) -> str:
+    return f"{ending} at tick {ending.tick} ({ending.time:.2f} s)"
 
 
-def _failure(seen: list[CopyFailed], config: StackConfig) -> StackFailure:
+def _failure(seen: list[Ending], config: StackConfig) -> StackFailure:
     """Say how the stack fails, from all runs in which it did: at the earliest tick."""
-    first = min(seen, key=lambda failed: failed.pulse.tick)
-    alike = [failed for failed in seen if failed.pulse.tick == first.pulse.tick]
-    places = alike[0].places
-    for other in alike[1:]:
-        places = shared_places(places, other.places)
-    return StackFailure(
-        kind=first.kind,
-        tick=first.pulse.tick,
-        time=first.pulse.time,
-        layer=layer_of_places(places, config),
-        exception=first.exception,
-        message=first.message,
-        frames=texts_of(places),
-    )
+    first = min(seen, key=lambda ending: ending.tick)
+    alike = [dumped_places(one.where, DOOR) for one in seen if one.tick == first.tick]
+    places = functools.reduce(shared_places, alike[1:], alike[0])
+    return first.failure(layer=layer_of_places(places, config), frames=texts_of(places))
 
 
 # --- who is guarded ------------------------------------------------------------------------
@@ -146,7 +146,8 @@ _guards: list[Guard | None] = [None]  # the last one counts
 
 def current_guard() -> Guard | None:
     """Give the guard of this process, None: episodes run in this process itself."""
-    return _guards[-1] if post().heartbeat is None else None  # a watched copy has a guard outside
+    is_watched = current_watch().heartbeat is not None  # then the guard is outside
+    return None if is_watched else _guards[-1]
 
 
 @contextmanager
@@ -156,7 +157,7 @@ def guarded(guard: Guard | None = None) -> Iterator[None]:
     Args:
         guard: whose copy is used and kept; by default one that ends with this block.
     """
-    if not forking.can_fork() or _guards[-1] is not None or post().heartbeat is not None:
+    if not can_fork() or _guards[-1] is not None or current_watch().heartbeat is not None:
         yield
         return
     own = guard or Guard()

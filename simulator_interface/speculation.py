@@ -1,10 +1,10 @@
 """A run goes on before it knows the answer to a question about its own future.
 
 What a continuation would show, the run shows itself, as long as nothing comes from outside. So a
-question whose answer is expected to be the harmless one costs a checkpoint instead of a second
+question whose answer is expected to be the harmless one costs a snapshot instead of a second
 simulation of the same future. If the answer proves to be another, the run is taken back to the
-question (see :mod:`.checkpoint`). Where something comes from outside, or the run ends, before the
-answer is known, a copy that goes on without it finds the answer.
+question (see :mod:`mrta_falsify.process.snapshot`). Where something comes from outside, or the run
+ends, before the answer is known, a copy that goes on without it finds the answer.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ import numpy as np
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import SpeculativeWatch
 from mrta_falsify.core.stack_failure import StackFailed
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.snapshot import Snapshot, snapshot
+from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.watch import current_watch
 from mrta_falsify.specs.deadlock.counterfactual import begin_times
-from simulator_interface.checkpoint import Checkpoint, set_checkpoint
 from simulator_interface.episode import Episode
-from simulator_interface.heartbeat import post
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
-REUSED_FOR = 30.0  # s for which a checkpoint serves later questions, too
-MAX_POINTS = 3  # checkpoints; each keeps a copy of all memory that the run has changed since
+REUSED_FOR = 30.0  # s for which a snapshot serves later questions, too
+MAX_POINTS = 3  # snapshots; each keeps a copy of all memory that the run has changed since
 SAME_TIME = 1e-9  # s
 UNKNOWN = object()  #: a copy has to be asked
 
@@ -32,7 +33,7 @@ UNKNOWN = object()  #: a copy has to be asked
 class _Point(NamedTuple):
     """Where the run can be taken up again."""
 
-    checkpoint: Checkpoint
+    snapshot: Snapshot
     tick: int
 
 
@@ -79,7 +80,9 @@ class Speculation:
         """
         is_ahead = self._episode.tick > self._came_to
         is_known = (self._episode.tick, watch.question) in self._known
-        return post().may_roll_back and watch.expected is not None and (is_ahead or is_known)
+        return (
+            current_watch().may_roll_back and watch.expected is not None and (is_ahead or is_known)
+        )
 
     def ask(self, watch: SpeculativeWatch) -> dict[str, Any] | object | None:
         """Give the expected answer, and go on; where that was wrong, the right one.
@@ -135,15 +138,15 @@ class Speculation:
         self._keep_points(())
 
     def _point(self) -> _Point | None:
-        """Find a checkpoint of late, or make one; None: the run has been taken back to it."""
+        """Find a snapshot of late, or make one; None: the run has been taken back to it."""
         tick = self._episode.tick
         if self._points and (tick - self._points[-1].tick) * self._episode.dt <= REUSED_FOR:
             return self._points[-1]
         self._keep_points([question.point for question in self._open])
         if len(self._points) >= MAX_POINTS:
             return self._points[-1]
-        made = set_checkpoint()
-        if isinstance(made, Checkpoint):
+        made = snapshot()
+        if isinstance(made, Snapshot):
             self._points.append(_Point(made, tick))
             return self._points[-1]
         self._open.clear()  # those from before have been answered as expected
@@ -154,10 +157,10 @@ class Speculation:
         return None
 
     def _keep_points(self, kept: Collection[_Point]) -> None:
-        """Drop all other checkpoints."""
+        """Drop all other snapshots."""
         for point in self._points:
             if point not in kept:
-                point.checkpoint.drop()
+                point.snapshot.drop()
         self._points = [point for point in self._points if point in kept]
         if not self._points:
             self._answered.clear()
@@ -182,8 +185,8 @@ class Speculation:
         watches = [question.watch for question in questions]
         answers: list[dict[str, Any] | None]
         try:
-            answers = run_in_watched_copy(lambda: self._go_on(watches))
-        except (StackFailed, CopyFailed):
+            answers = run_supervised(lambda: self._go_on(watches))
+        except (StackFailed, Ending):
             answers = [None] * len(watches)
         return answers
 
@@ -194,13 +197,13 @@ class Speculation:
             RolledBack: always.
         """
         point = question.point
-        # Only this process can go back to what was asked before the checkpoint.
+        # Only this process can go back to what was asked before the snapshot.
         self._settle([other for other in self._open if other.point.tick < point.tick])
         told = self._answered | {question.key: answer}, self._episode.tick
         self._open.clear()
         self._keep_points([point])
         self._points.clear()  # the last one becomes the run
-        raise point.checkpoint.roll_back(told)
+        raise point.snapshot.rollback(told)
 
     def _close(self, question: _Open, answer: dict[str, Any] | None) -> None:
         """Take in the answer to a question; None: there is none to be had."""

@@ -24,11 +24,12 @@ from mrta_falsify.core.errors import InputError, PlaceError
 from mrta_falsify.core.fleet import Command, FleetState, Intent, StackEvent
 from mrta_falsify.core.interruption import is_interruption
 from mrta_falsify.core.protocols import FleetStack
-from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
+from mrta_falsify.core.stack_failure import StackFailed, StackFailure
 from mrta_falsify.core.world import World
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.watch import current_watch
 from simulator_interface.external.layers import LayerFailed
 from simulator_interface.failing_layer import layer_of_places, places_in, texts_of
-from simulator_interface.heartbeat import post
 
 T = TypeVar("T")
 
@@ -91,22 +92,15 @@ class StackCalls:
             PlaceError: it met a full disk.
         """
         self._tick, self._time = tick, time
-        here = post()
+        here = current_watch()
         here.enter(tick, time)
         try:
             answer = question()
         except (InputError, PlaceError, KeyboardInterrupt):
             raise
         except LayerFailed as failed:
-            raise StackFailed(
-                self._failure(
-                    failed.kind,
-                    failed.message,
-                    layer=failed.layer,
-                    exception=failed.part,
-                    frames=failed.lines,
-                )
-            ) from None
+            ending = failed.ending.at(tick, time)
+            raise StackFailed(ending.failure(who=failed.layer, layer=failed.layer)) from None
         except BaseException as error:  # SystemExit, too
             if is_interruption(error):
                 raise KeyboardInterrupt from error
@@ -116,8 +110,8 @@ class StackCalls:
         finally:
             excess = here.leave()
         if excess > 0.0:
-            text = f"the stack took up more than {here.limits.memory:g} GiB of memory"
-            raise StackFailed(self._failure("memory", text))
+            text = f"took up more than {here.budget.memory:g} GiB of memory"
+            raise StackFailed(Ending("memory", text).at(tick, time).failure())
         return answer
 
     def step(self, stack: FleetStack, state: Any, fleet: FleetState) -> Answer:
@@ -137,39 +131,21 @@ class StackCalls:
 
     # --- what is wrong ----------------------------------------------------------------------
 
-    def _failure(
-        self,
-        kind: FailureKind,
-        message: str,
-        *,
-        layer: str = "",
-        exception: str = "",
-        frames: tuple[str, ...] = (),
-    ) -> StackFailure:
-        return StackFailure(
-            kind=kind,
-            tick=self._tick,
-            time=self._time,
-            layer=layer,
-            exception=exception,
-            message=message,
-            frames=frames,
-        )
-
     def _crash(self, error: BaseException) -> StackFailure:
         places = places_in(error.__traceback__)
-        return self._failure(
-            "crash",
-            ADDRESS.sub("0x...", str(error))[:MAX_TEXT],
+        return StackFailure(
+            kind="crash",
+            tick=self._tick,
+            time=self._time,
             layer=layer_of_places(places, self._config),
             exception=type(error).__name__,
+            message=ADDRESS.sub("0x...", str(error))[:MAX_TEXT],
             frames=texts_of(places),
         )
 
     def _refuse(self, part: str, message: str) -> StackFailed:
-        return StackFailed(
-            self._failure("answer", message, layer=LAYER_OF_PART.get(part, ""), exception=part)
-        )
+        ending = Ending("answer", message, cause=part).at(self._tick, self._time)
+        return StackFailed(ending.failure(layer=LAYER_OF_PART.get(part, "")))
 
     def _check_command(self, command: Command) -> None:
         twist = np.asarray(getattr(command, "twist", None))

@@ -22,7 +22,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.directives import Wait, WaitUntil
 from mrta_falsify.core.fleet import Frame, Phase
 from mrta_falsify.core.world import World
-from simulator_interface.watched_copy import run_in_watched_copy
+from mrta_falsify.process.supervisor import run_supervised
 
 CONTINUE = 3600.0  # s, as issue 15 says
 #: s; who gets through after the whole building has done nothing but stand and creep for so long,
@@ -175,7 +175,7 @@ class Run:
             settled = self._settled(limit, arrivals=arrivals)
             return self._continue(asked - set(without), goal, needed is None, limit, settled)
 
-        answer = run_in_watched_copy(run)
+        answer = run_supervised(run)
         return Fate(
             outcomes=tuple(Outcome(outcome) for outcome in answer["outcomes"]),
             freed_at=tuple(answer["freed_at"]),

@@ -48,7 +48,7 @@ from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.worker import stack_of
 from simulator_interface.episode import Episode
-from simulator_interface.watched_copy import run_in_watched_copy
+from mrta_falsify.process.supervisor import run_supervised
 
 ORACLE = "no_deadlock"
 JUST_AFTER = 0.1  # s after the claim
@@ -219,7 +219,7 @@ class Rerun:
                     return False
             return False
 
-        return bool(run_in_watched_copy(follow))
+        return bool(run_supervised(follow))
 
 
 def _straight(goal: Array, point: Array) -> float:

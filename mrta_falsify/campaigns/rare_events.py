@@ -16,6 +16,7 @@ import numpy as np
 from mrta_falsify.campaigns.foreign import of_choice
 from mrta_falsify.campaigns.runner import build_sampler, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import HarnessError
@@ -40,14 +41,15 @@ def estimated_probability(campaign: Campaign) -> Probability:
     Args:
         campaign: its trials; the sampler is asked and told again.
     """
-    reported = campaign.records[: _reported_of(campaign)]
-    undecided = sum(record.status in ("crashed", "timeout") for record in reported)
+    reported = CampaignStats(campaign.settings)
+    reported.take_all(campaign.records[: _reported_of(campaign)])
+    undecided = reported.errors
     found = rare_probability(estimates_of(campaign))
     errors = f"{undecided} trials ended in an error and count as not drawn" if undecided else ""
     return replace(
         found,
-        failures=sum(record.is_primary for record in reported),
-        trials=sum(record.status == "ok" for record in reported),
+        failures=reported.primary,
+        trials=reported.judged,
         undecided=undecided,
         note="; ".join(part for part in (found.note, errors) if part),
     )

@@ -19,8 +19,8 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from mrta_falsify.campaigns.executors import Finished, Job
-from mrta_falsify.campaigns.saturation import Saturation, counts
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Store, StoreError, decode_record
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.arrays import Array
@@ -31,7 +31,7 @@ from mrta_falsify.core.feedback import Cube, Feedback
 from mrta_falsify.core.protocols import Preflight, PreflightSampler, Sampler, SkippingSampler
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.renamed import renamed_attribute
-from mrta_falsify.specs.causes import group_of, secondary
+from mrta_falsify.specs.causes import secondary
 from mrta_falsify.specs.objectives import differing
 
 COMPARED = 16  # stored proposals at either end that a resumed campaign compares at least
@@ -52,30 +52,19 @@ class Executor(Protocol):
 
 
 @dataclass(slots=True)
-class Progress:
+class Progress(CampaignStats):
     """Counts over the told results of a campaign, hence the same for any worker count."""
 
-    limits: Limits
-    told: int = 0  #: proposals
-    ran: int = 0  #: simulated candidates
-    rejected: int = 0
-    impossible: int = 0  #: worlds that no stack can do, set apart
-    errors: int = 0  #: that older versions stored for trials that were lost
-    failed: int = 0
-    robust: int = 0  #: of the failures, those that count for ``stop_after``
-    afterthoughts: int = 0  #: of the failures, those only in what is looked for last
-    kinds: Counter[str] = field(default_factory=Counter)  #: of the other failures, by ``group_of``
-    on_both: int = 0  #: of the failures, those that the other stack shares, where there is one
-    #: simulated candidates until a failure that is sought, itself included
-    first_failure: int | None = None
-    best: float = float("inf")  #: smallest score
-    by_specification: dict[str, int] = field(default_factory=dict)  #: violations
+    limits: Limits = field(kw_only=True)
     rejected_in_a_row: int = 0  #: impossible ones included
-    sim_time: float = 0.0  #: simulated [s]
-    saturation: Saturation = field(default_factory=Saturation)  #: of the uniform trials
 
     def __getattr__(self, name: str) -> Any:
         return renamed_attribute(self, name, {"wanted": "robust"})
+
+    @property
+    def told(self) -> int:
+        """Proposals whose results the sampler knows."""
+        return self.records
 
     @property
     def is_saturated(self) -> bool:
@@ -90,35 +79,8 @@ class Progress:
 
     def take(self, record: TrialRecord) -> None:
         """Count a told record."""
-        self.told += 1
-        if not record.was_run:
-            self.rejected += record.status == "rejected"
-            self.impossible += record.status == "impossible"
-            self.rejected_in_a_row += 1
-            return
-        self.rejected_in_a_row = 0
-        self.ran += 1
-        self.sim_time += record.sim_time
-        if record.status != "ok":
-            self.errors += 1
-            return
-        self.best = min(self.best, record.score)
-        if counts(record):
-            self.saturation.take(record.search.situations)
-        for verdict in record.verdicts:
-            if verdict.violated:
-                count = self.by_specification.get(verdict.spec, 0)
-                self.by_specification[verdict.spec] = count + 1
-        if record.failed:
-            self.failed += 1
-            self.robust += record.is_robust
-            group = group_of(record.result)
-            self.afterthoughts += group == "secondary"
-            if group != "secondary":
-                self.kinds[group] += 1
-            self.on_both += record.other is not None and record.other.fate == "fails"
-            if self.first_failure is None and record.is_primary:
-                self.first_failure = self.ran
+        CampaignStats.take(self, record)  # super() does not know classes with slots
+        self.rejected_in_a_row = 0 if record.was_run else self.rejected_in_a_row + 1
 
 
 def point_digest(u: Array) -> str:
@@ -239,9 +201,8 @@ def run_campaign(
 
 def stored_progress(store: Store, limits: Limits) -> Progress:
     """Count all that is stored, whether or not the sampler has been told."""
-    progress = Progress(limits)
-    for number in sorted(store.finished):
-        progress.take(store.finished[number])
+    progress = Progress(store.settings, limits=limits)
+    progress.take_all(store.finished[number] for number in sorted(store.finished))
     return progress
 
 
@@ -256,7 +217,7 @@ class _Loop:
         on_note: Callable[[str], None],
         preflight: Preflight | None,
     ) -> None:
-        self.progress = Progress(limits)
+        self.progress = Progress(store.settings, limits=limits)
         self._store = store
         self._limits = limits
         self._executor = executor

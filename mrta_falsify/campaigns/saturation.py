@@ -9,10 +9,8 @@ Only trials that were drawn evenly count: a search looks where it has not been.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
-
-from mrta_falsify.core.record import TrialRecord
 
 NORMAL_95 = 1.96  # quantile of a two-sided interval of 95 %
 ENOUGH_TRIALS = 3  # trials that show a situation; more are as good as three
@@ -82,17 +80,3 @@ def _interval(alone: int, pairs: int, trials: int) -> tuple[float, float]:
     half = NORMAL_95 * math.sqrt(share * (1.0 - share) / effective + z2 / (4.0 * effective**2))
     scale = 1.0 + z2 / effective
     return max((middle - half) / scale, 0.0), min((middle + half) / scale, 1.0)
-
-
-def unseen_of(records: Iterable[TrialRecord]) -> Unseen:
-    """Estimate what a campaign's uniform trials leave unseen."""
-    saturation = Saturation()
-    for record in records:
-        if counts(record):
-            saturation.take(record.search.situations)
-    return saturation.unseen()
-
-
-def counts(record: TrialRecord) -> bool:
-    """Whether a trial was drawn evenly and simulated."""
-    return record.origin.uniform and record.status == "ok"

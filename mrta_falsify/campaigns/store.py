@@ -40,6 +40,7 @@ from mrta_falsify.campaigns.foreign import sealed_places
 from mrta_falsify.campaigns.record_formats import is_flat, migrated
 from mrta_falsify.campaigns.rules import why_no_resume
 from mrta_falsify.campaigns.settings import DEFAULTS, FORMAT_VERSION, CampaignSettings
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.durable import (
@@ -132,8 +133,14 @@ class Campaign:
 
     def __repr__(self) -> str:
         """Write it in one line."""
-        failed = sum(record.failed for record in self.records)
+        failed = self.stats().failed
         return f"<Campaign {self.directory}: {len(self.records)} trials, {failed} failed>"
+
+    def stats(self) -> CampaignStats:
+        """Count the trials, what became of them, and what they show."""
+        stats = CampaignStats(self.settings)
+        stats.take_all(self.records)
+        return stats
 
     def values_of(self, record: TrialRecord) -> dict[str, DimensionValue]:
         """Give the values of a trial's search dimensions by name, as a person reads them.

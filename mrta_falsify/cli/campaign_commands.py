@@ -182,8 +182,7 @@ def _exit_code(result: CampaignResult) -> int:
     progress = result.progress
     if result.ended == "interrupted":
         return ExitCode.INTERRUPTED
-    compares = result.campaign.settings.trials.against is not None
-    if progress.robust if compares else progress.failed:
+    if progress.own_failures:
         return ExitCode.VIOLATED
     nothing_ran = progress.errors and progress.errors == progress.ran
     return ExitCode.HARNESS if nothing_ran else ExitCode.DONE

@@ -15,10 +15,11 @@ from mrta_falsify.core.words import listed
 
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.runner import Progress
+    from mrta_falsify.campaigns.stats import FailureMode
     from mrta_falsify.core.probability import Probability
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.verbs.campaign import CampaignResult
-    from mrta_falsify.verbs.campaign_summary import CampaignSummary, FailureMode
+    from mrta_falsify.verbs.campaign_summary import CampaignSummary
 
 LINES = 10  # of progress in a pipe, per campaign
 SHOWN_IDS = 6  # trials named per failure mode
@@ -191,7 +192,7 @@ def print_campaign(result: CampaignResult) -> None:
     for engine in data.confirmed:
         out.print(f"on {engine.engine}: {engine.fails} of {engine.asked} robust failures fail, too")
     if data.robust is not None:
-        sought = data.failed - data.afterthoughts - data.kinds["shut"]
+        sought = result.progress.sought
         out.print(
             f"with small differences most copies fail too: {data.robust} of {sought} failures"
         )
@@ -200,7 +201,7 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(uncounted)
     if data.repeated is not None:
         out.print(repeat_sentence(data.repeated))
-    for text in unjudged_sentences(result.campaign):
+    for text in unjudged_sentences(result.campaign.stats()):
         out.print(text)
     if data.modes:
         _print_modes(data.modes)
@@ -222,13 +223,12 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     limit = progress.limits.stop_after
     if not limit or not data.failed or progress.robust >= limit or data.ended == "interrupted":
         return ""
-    sought = data.failed - data.afterthoughts - data.kinds["shut"]
     few = "that few copies share"
     passed_over = [
         (data.afterthoughts, f"only in {' or '.join(data.then)}"),
         (data.kinds["shut"], "shut by the world"),
         (
-            sought - progress.robust,
+            progress.sought - progress.robust,
             f"{few}, or the other stack, too" if data.against else few,
         ),
     ]

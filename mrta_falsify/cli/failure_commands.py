@@ -294,7 +294,7 @@ def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
         engine = campaign.settings.trials.stack.engine.name
         output.say(f"engine {engine}, as recorded: the changed stack names none")
     done: list[str] = []
-    total = len(options["only"]) or sum(record.failed for record in campaign.records)
+    total = len(options["only"]) or campaign.stats().failed
     with output.progress("corpus", total, "failures") as on_progress:
 
         def on_done(row: Recheck) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -11,7 +12,14 @@ from mrta_falsify.cli import output
 from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
 from mrta_falsify.cli.names import component
-from mrta_falsify.cli.options import Command, FiniteRange, Listing, format_option, stack_options
+from mrta_falsify.cli.options import (
+    FILE,
+    Command,
+    FiniteRange,
+    Listing,
+    format_option,
+    stack_options,
+)
 
 MAX_ROBOTS = 1000  # in a fleet
 MAX_WIDE = 22  # columns of the names of figures
@@ -98,15 +106,26 @@ def _print_figures(data: dict[str, Any], indent: str = "") -> None:
 
 
 @main.command("plugins")
+@click.option(
+    "--schemas",
+    type=FILE,
+    metavar="DIR",
+    help="Directory to write JSON Schemas of stack, project, floor, tasks and world files to, "
+    "by which editors complete and check them.",
+)
 @format_option
-def plugins_command(style: str) -> int:
+def plugins_command(schemas: Path | None, style: str) -> int:
     """List the components of every extension point, and the planted defects."""
     from mrta_falsify.core.defects import defect
     from mrta_falsify.verbs.plugins import plugins
 
-    found = plugins()
+    found = plugins(schemas)
+    written = {"schemas": found.schemas} if found.schemas else {}
     if style == "json":
-        output.print_json({**found.components, "defects": found.defects})
+        output.print_json({**found.components, "defects": found.defects, **written})
+        return ExitCode.DONE
+    if written:
+        click.echo("\n".join(map(str, found.schemas)))
         return ExitCode.DONE
     table = output.new_table("extension point", "components")
     for point, names in found.components.items():

@@ -373,7 +373,7 @@ def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None
 def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
     if not isinstance(data, dict):
         _fail(where, path, f"is {shown(data)}; it must be an object with named fields")
-    fields = _schema(cls)
+    fields = fields_to_read(cls)
     for key in () if getattr(cls, "OPEN", False) else data:
         if key not in fields:
             hint = did_you_mean(str(key), fields) or "."
@@ -402,7 +402,7 @@ def _decode_dataclass(cls: type, data: Any, where: str, path: str) -> Any:
 
 
 @functools.cache
-def _schema(cls: type) -> dict[str, tuple[Any, Rule | None, bool]]:
+def fields_to_read(cls: type) -> dict[str, tuple[Any, Rule | None, bool]]:
     """Give type hint and rule of each field of a dataclass, and whether it must be there."""
     hints = typing.get_type_hints(cls)
     missing = dataclasses.MISSING

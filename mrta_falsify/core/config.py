@@ -89,6 +89,8 @@ LAYERS: tuple[str, ...] = tuple(
 )
 #: layers of the stack under test; people and physics are not the stack's own
 STACK_LAYERS = tuple(layer for layer in LAYERS if layer not in ("human_model", "engine"))
+#: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
+DISPATCHER = "dispatcher"
 LISTS = ("defects", "withheld")  # fields that list names
 STACK = "stack"  # field of a stack in a process of its own
 

@@ -17,7 +17,6 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import FrameType, ModuleType
 
-ROOT = Path(__file__).resolve().parents[2]  # where the toolkit lies
 #: top-level packages of the toolkit itself
 OURS = ("mrta_falsify", "reports", "samplers", "scenic_worlds", "simulator_interface")
 SAFE_PATH = "PYTHONSAFEPATH"
@@ -28,25 +27,6 @@ _IMPORTING = ("importlib", "<frozen importlib")  # where frames of the import sy
 def is_ours(module: str) -> bool:
     """Whether a module, by its dotted name, belongs to the toolkit."""
     return module.partition(".")[0] in OURS
-
-
-def python_command(module: str, *arguments: str) -> list[str]:
-    """Give the command of a child process that runs a module of ours.
-
-    The current directory is not on its path, so no file there is taken for a library's module;
-    but for a checkout that is run where it lies, and is not installed.
-    """
-    options = [] if _is_run_where_it_lies() else ["-P"]
-    return [sys.executable, *options, "-m", module, *arguments]
-
-
-def _is_run_where_it_lies() -> bool:
-    here = os.getcwd()
-    if Path(here).resolve() != ROOT:
-        return False
-    places = [place for place in sys.path if place not in ("", here)]
-    found = importlib.machinery.PathFinder.find_spec(OURS[0], places)
-    return found is None or found.origin is None or Path(found.origin).resolve().parents[1] != ROOT
 
 
 @contextlib.contextmanager

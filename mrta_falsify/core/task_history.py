@@ -8,7 +8,6 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 
-LATE_OR_UNDONE = ("deadlines", "all_tasks_done")  #: specifications of what became of tasks
 MAX_SENTENCES = 6  # tasks of one verdict that get a sentence each
 
 

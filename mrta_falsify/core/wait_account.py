@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from mrta_falsify.core.claims import SPEC, ClaimKind, claim_kind, leading_claim, members_by_onset
-from mrta_falsify.core.task_history import LATE_OR_UNDONE, robots_of, tasks_of
+from mrta_falsify.core.spec_profile import profile_of
+from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 
@@ -162,7 +163,7 @@ def wait_account(verdict: Verdict, trace: Trace | None = None) -> WaitAccount:
         trace: of the run; without it only what the evidence names is told.
     """
     if verdict.spec != SPEC:
-        if verdict.spec in LATE_OR_UNDONE:  # what cost the time may have gone by then
+        if profile_of(verdict.spec).role == "outcome":  # what cost the time may have gone by then
             return WaitAccount(waits=())
         concerned = set(verdict.who)
         if trace is not None:

@@ -1,7 +1,7 @@
 """Runs experiments: each once, several side by side, and in copies with small differences.
 
 Runs that share their world, stack and perturbation share what comes before their first edit: the
-run goes forward once, and is forked where each of them begins (see :mod:`..forking`).
+run goes forward once, and is forked where each of them begins (see :mod:`mrta_falsify.process`).
 """
 
 from __future__ import annotations
@@ -9,8 +9,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.processes import MAX_DEATHS, spawned
 from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
@@ -28,13 +25,15 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.course import course_of
 from mrta_falsify.lab.experiment import Edit, Experiment, Situation
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.pool import MAX_DEATHS, Pool
+from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.specs.causes import leading, primary
 from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
 from scenic_worlds.variation import perturb_world
 from simulator_interface import starts
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import EpisodeRun
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
 LATE = 0.5  # s after its deadline at which a task counts as late
@@ -65,7 +64,7 @@ class Lab(AbstractContextManager["Lab"]):
         self.journal = RunJournal(RunResult, journal, code=code)
         self.workers = workers
         self._opened = ExitStack()
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: Pool | None = None
         self.on_run = on_run  #: called for answers from the journal, too
 
     def __exit__(self, *error: Any) -> None:
@@ -138,23 +137,15 @@ class Lab(AbstractContextManager["Lab"]):
             for group in groups:
                 yield from zip(group, run_group(tuple(group.values())), strict=True)
             return
-        left, deaths = list(groups), 0
-        while left:
-            if self._pool is None:
-                self._pool = self._opened.enter_context(spawned(self.workers))
-            try:
-                futures = [self._pool.submit(_in_pool, tuple(group.values())) for group in left]
-                for future in futures:
-                    rows = future.result()
-                    deaths = 0
-                    yield from zip(left.pop(0), rows, strict=True)
-            except BrokenProcessPool:
-                deaths += 1
-                self._pool = None
-                self._opened.close()
-                if deaths == MAX_DEATHS:
-                    text = f"processes of the lab have died {deaths} times in a row; call again"
-                    raise HarnessError(text) from None
+        if self._pool is None:
+            self._pool = self._opened.enter_context(Pool(_runs_groups, workers=self.workers))
+        found = self._pool.map([tuple(group.values()) for group in groups])
+        try:
+            for group, rows in zip(groups, found, strict=True):
+                yield from zip(group, rows, strict=True)
+        except Ending:
+            text = f"processes of the lab have died {MAX_DEATHS} times in a row; call again"
+            raise HarnessError(text) from None
 
     def _keep(self, key: str, result: RunResult) -> None:
         """Keep a result; on disc only if it may not come out otherwise when it is run again."""
@@ -193,6 +184,10 @@ def _ignore(world: World, judged: Judged) -> None:
     del world, judged
 
 
+def _runs_groups() -> Callable[[tuple[Experiment, ...]], list[RunResult]]:
+    return _in_pool
+
+
 def _in_pool(group: tuple[Experiment, ...]) -> list[RunResult]:
     with guarded(_guard):
         return run_group(group)
@@ -220,9 +215,9 @@ def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunR
     if not _forks(first):
         return [_whole(one, world, on_end) for one in group]
     try:
-        rows = run_in_watched_copy(functools.partial(_forked_rows, group, world, on_end))
-    except CopyFailed as failed:
-        return [RunResult(status="error", detail=failed.message) for _ in group]
+        rows = run_supervised(functools.partial(_forked_rows, group, world, on_end))
+    except Ending as failed:
+        return [RunResult(status="error", detail=str(failed)) for _ in group]
     return [codec.decode(RunResult, row, where="run") for row in rows]
 
 
@@ -318,9 +313,9 @@ def _forked(
         return codec.encode(result_of(one, judged))
 
     try:
-        return run_in_watched_copy(branch)
-    except CopyFailed as failed:
-        return codec.encode(RunResult(status="error", detail=failed.message))
+        return run_supervised(branch)
+    except Ending as failed:
+        return codec.encode(RunResult(status="error", detail=str(failed)))
 
 
 def _advance(run: EpisodeRun, until: float) -> None:

@@ -18,7 +18,8 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.claims import leading_claim
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.config import DISPATCHER, StackConfig
+from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.task_history import robots_of, tasks_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -31,8 +32,6 @@ from mrta_falsify.core.wait_account import (
 from mrta_falsify.specs.causes import DEADLOCK, first_claim, is_outcome, is_shut, leading
 from mrta_falsify.specs.deadlock.place_kind import WAITING_SPOT, place_kind
 
-#: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
-DISPATCHER = "dispatcher"
 QUEUES = "queue_policy"
 WORLD = "world"  #: which shut a place during the run; no layer of the stack did
 WHOLE = "stack"  #: of which no layer is known: it runs in a process of its own
@@ -55,16 +54,6 @@ HOLDER_OF_CAUSE = {
     "wall": "a solid",
     "no-path": "having no path",
     "stalled": "nothing that is known",
-}
-#: layer that should have prevented the violation, by specification
-LAYER_OF_SPECIFICATION = {
-    "no_robot_robot_contact": "controller",
-    "no_robot_human_contact": "controller",
-    "human_clearance": "controller",
-    "kinematic_limits": "controller",
-    "exclusive_use": QUEUES,
-    "honest_events": DISPATCHER,
-    "costly_calls": DISPATCHER,
 }
 #: layer that gives a part of the stack's answer, for one that is not repeatable
 LAYER_OF_ANSWER = {
@@ -127,8 +116,8 @@ def _of_verdicts(verdicts: Sequence[Verdict], trace: Trace) -> Guess:
         return Guess(QUEUES, "it claims what the queues decide")
     if verdict.spec == "exclusive_use":
         return _of_overfull(verdict, trace)
-    if verdict.spec in LAYER_OF_SPECIFICATION:
-        return Guess(LAYER_OF_SPECIFICATION[verdict.spec], f"{verdict.spec} is its to keep")
+    if layer := profile_of(verdict.spec).layer:
+        return Guess(layer, f"{verdict.spec} is its to keep")
     if verdict.spec == "no_robot_static_contact":
         return _of_solid(verdict, next(iter(verdict.who), ""), trace)
     if verdict.spec == "stack_runs":

@@ -12,8 +12,8 @@ A run may violate many specifications for one reason. These rules choose the one
 4. A person who is touched was passed too closely just before. That is one event: the contact.
 5. A place that the world shut during the run leads only if nothing is violated but what follows
    from it, and what says that work was late or undone: it is no failure of the stack.
-6. At the same instant the order is ``TIES``: what ended the run, what was said wrongly or done
-   beyond the limits, what touched, what stands still.
+6. At the same instant ``SpecProfile.tie`` decides: what ended the run, what was said wrongly or
+   done beyond the limits, what touched, what stands still.
 """
 
 from __future__ import annotations
@@ -31,34 +31,11 @@ from mrta_falsify.core.claims import (
     leading_claim,
 )
 from mrta_falsify.core.run_result import RunResult
-from mrta_falsify.core.task_history import LATE_OR_UNDONE
+from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 
 DEADLOCK = SPEC
-#: order of violations that begin at the same instant; a specification of the user's own comes first
-TIES = (
-    "stack_runs",
-    "repeatable",
-    "honest_events",
-    "kinematic_limits",
-    "exclusive_use",
-    "no_robot_robot_contact",
-    "no_robot_static_contact",
-    "no_robot_human_contact",
-    DEADLOCK,
-    "no_livelock",
-    "no_starvation",
-    "progress",
-    "human_clearance",
-    "deadlines",
-    "all_tasks_done",
-)
-#: say that work was late, undone or dear, not what went wrong
-OUTCOMES = frozenset(LATE_OR_UNDONE)
-COSTLY = "costly"  #: how the names of specifications begin that compare with a reference stack
-#: what a robot that cannot move violates sooner or later
-STANDSTILL = frozenset(("no_livelock", "no_starvation", "progress"))
 
 
 def leading(verdicts: Sequence[Verdict]) -> Verdict | None:
@@ -68,12 +45,10 @@ def leading(verdicts: Sequence[Verdict]) -> Verdict | None:
 
 def by_cause(verdicts: Sequence[Verdict]) -> tuple[Verdict, ...]:
     """Sort verdicts: the leading one, the other violated ones by time, then those that hold."""
-    rank = {name: i for i, name in enumerate(TIES)}
-
     shut = next(filter(is_shut, verdicts), None)
 
     def key(verdict: Verdict) -> tuple[bool, int, bool, float, int, str]:
-        place = rank.get(verdict.spec, -1)
+        place = profile_of(verdict.spec).tie
         if not verdict.violated:
             return (True, 0, bool(verdict.not_judged), 0.0, place, verdict.spec)
         is_effect = any(_is_led_by(verdict, other) for other in verdicts if other is not verdict)
@@ -180,7 +155,7 @@ def first_claim(evidence: Mapping[str, Any]) -> str:
 
 def is_outcome(verdict: Verdict) -> bool:
     """Whether it says only that work was late, undone or dear."""
-    return verdict.spec in OUTCOMES or verdict.spec.startswith(COSTLY)
+    return profile_of(verdict.spec).role == "outcome"
 
 
 def follows_from(verdict: Verdict, cause: Verdict) -> bool:
@@ -202,19 +177,16 @@ def follows_from(verdict: Verdict, cause: Verdict) -> bool:
 
 def _only_follows(verdict: Verdict, shut: Verdict) -> bool:
     """Whether a violation is there only because the world shut a place."""
-    return (is_outcome(verdict) or verdict.spec in STANDSTILL) and follows_from(verdict, shut)
+    return profile_of(verdict.spec).role != "cause" and follows_from(verdict, shut)
 
 
 def _is_led_by(verdict: Verdict, other: Verdict) -> bool:
     """Whether ``other`` comes first whatever their times are (rules 3 and 4)."""
-    if verdict.spec in STANDSTILL:
+    profile = profile_of(verdict.spec)
+    if profile.role == "standstill":
         return follows_from(verdict, other)
-    return (
-        verdict.spec == "human_clearance"
-        and other.spec == "no_robot_human_contact"
-        and other.violated
-        and bool(set(verdict.who) & set(other.who))
-    )
+    is_same_event = other.spec == profile.part_of and bool(set(verdict.who) & set(other.who))
+    return is_same_event and other.violated
 
 
 def _concerned(verdict: Verdict) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame, Sensed
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.running_min import RunningMin
@@ -279,6 +280,8 @@ class NoRobotRobotContact(_ShrunkGap):
     A gap that was there at the start counts once it has shrunk.
     """
 
+    profile = SpecProfile(meaning="two robots touched", scale=0.5, tie=5, layer="controller")
+
     name = "no_robot_robot_contact"
     _kind = 0
     _gap = attrgetter("gap_robot")
@@ -294,6 +297,8 @@ class NoRobotStaticContact(_ShrunkGap):
 
     A gap that was there at the start counts once it has shrunk.
     """
+
+    profile = SpecProfile(meaning="a robot touched a wall or furniture", scale=0.3, tie=6)
 
     name = "no_robot_static_contact"
     _kind = 2
@@ -397,11 +402,23 @@ class NoRobotHumanContact(_HumanGap):
     pass, or in the tick before if that is larger.
     """
 
+    profile = SpecProfile(
+        meaning="a moving robot touched a person", scale=0.5, tie=7, layer="controller"
+    )
+
     name = "no_robot_human_contact"
 
 
 class HumanClearance(_HumanGap):
     """Moving robots keep clear of people. Robustness: narrowest surface gap minus 0.1 m [m]."""
+
+    profile = SpecProfile(
+        meaning="a moving robot came closer than 0.1 m to a person",
+        scale=0.5,
+        tie=12,
+        part_of=NoRobotHumanContact.name,
+        layer="controller",
+    )
 
     name = "human_clearance"
 

@@ -15,8 +15,10 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
+from mrta_falsify.core.config import DISPATCHER
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Costs
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Ledger
@@ -132,6 +134,10 @@ class _Costly:
 class CostlyWay(_Costly):
     """The fleet drives at most 1.5 times as far as with the reference stack."""
 
+    profile = SpecProfile(
+        meaning="robots drove farther than the reference stack lets them", scale=0.5, role="outcome"
+    )
+
     _spec = "costly_way"
     _least = LEAST_WAY
 
@@ -141,6 +147,10 @@ class CostlyWay(_Costly):
 
 class CostlyTime(_Costly):
     """The last delivery comes at most 1.5 times as late as with the reference stack."""
+
+    profile = SpecProfile(
+        meaning="the work took longer than with the reference stack", scale=0.5, role="outcome"
+    )
 
     _spec = "costly_time"
     _least = LEAST_TIME
@@ -154,6 +164,12 @@ class CostlyCalls(_Costly):
 
     The factor is larger than that of way and time: a robot that is late once may cost a call.
     """
+
+    profile = SpecProfile(
+        meaning="the allocator was called more often than by the reference stack",
+        role="outcome",
+        layer=DISPATCHER,
+    )
 
     _spec = "costly_calls"
     _least = LEAST_CALLS

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrta_falsify.core.fleet import Frame, Refusal
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Ledger, encoded
@@ -42,6 +43,8 @@ class AllTasksDone(ByTheBooks):
     Before the horizon it is the share still left; at the horizon, minus the share of open tasks.
     """
 
+    profile = SpecProfile(meaning="not all tasks were delivered", role="outcome", tie=14)
+
     def verdict(self) -> Verdict:
         """Give the verdict to date."""
         if self._missing:
@@ -76,6 +79,8 @@ class Deadlines(ByTheBooks):
 
     Robustness [s]: smallest margin; for an open task that has arrived, the time left to it.
     """
+
+    profile = SpecProfile(meaning="a deadline was missed", scale=120.0, role="outcome", tie=13)
 
     def verdict(self) -> Verdict:
         """Give the verdict to date."""

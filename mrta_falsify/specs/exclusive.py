@@ -15,6 +15,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.plane import signed_distances
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Resource, World
 from mrta_falsify.specs.contacts import GAP_CAP, SHRUNK
@@ -38,6 +39,8 @@ class ExclusiveUse:
 
     Only positions count, not what the stack's queues say.
     """
+
+    profile = SpecProfile(meaning="more robots were in a resource than it has room for", tie=4)
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrta_falsify.core.config import DISPATCHER
 from mrta_falsify.core.fleet import Frame, StackEvent
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
@@ -36,6 +38,10 @@ class HonestEvents(ByTheBooks):
 
     Robustness: minus the number of contradicted claims, repeated ones counted once; 1 without any.
     """
+
+    profile = SpecProfile(
+        meaning="the stack said what its robots did not do", tie=2, layer=DISPATCHER
+    )
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""

@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Any
 
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, FormatError
 from mrta_falsify.core.parsing import parse_yaml
 from mrta_falsify.core.protocols import Specification
-
-#: options of specifications that judge a copy of a failing world, by name: copies are the vote
-#: on that failure, so that none votes on them, and only whether one fails counts
-OF_COPIES: dict[str, dict[str, Any]] = {"no_deadlock": {"copies": 1, "members": False}}
+from mrta_falsify.core.spec_profile import profile_of
 
 
 def default_specifications() -> tuple[str, ...]:
@@ -79,8 +75,8 @@ def vote_specifications(names: Sequence[str]) -> tuple[str, ...]:
 
 def _of_vote(text: str) -> str:
     choice = specification_choice(text)
-    added = OF_COPIES.get(choice.name)
-    return text if added is None else choice.name + json.dumps({**added, **choice.options})
+    added = profile_of(choice.name).in_votes
+    return choice.name + json.dumps({**added, **choice.options}) if added else text
 
 
 def build_specifications(

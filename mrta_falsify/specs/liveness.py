@@ -15,6 +15,7 @@ from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
 from mrta_falsify.core.protocols import Forecast
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.approach import LIVENESS_EVERY, ApproachMargin
@@ -42,6 +43,13 @@ class NoLivelock(ApproachMargin):
     ``min_travel`` without net progress; driving less counts as safer by 1 s per 5 cm. All but 5 %
     of the patience can be lost before a continuation decides.
     """
+
+    profile = SpecProfile(
+        meaning="a robot kept driving without getting closer to its goal",
+        scale=60.0,
+        role="standstill",
+        tie=9,
+    )
 
     _spec = "no_livelock"
 
@@ -142,6 +150,10 @@ class SteadyProgress(ApproachMargin):
     kinds at its last instant.
     """
 
+    profile = SpecProfile(
+        meaning="a robot with work made no progress", scale=60.0, role="standstill", tie=11
+    )
+
     _spec = "progress"
 
     @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,6 +197,13 @@ class NoStarvation:
     that arrived later was. Robustness [s]: the smaller margin of the two, scaled to
     ``robot_patience``.
     """
+
+    profile = SpecProfile(
+        meaning="a robot went on waiting while later ones were served",
+        scale=120.0,
+        role="standstill",
+        tie=10,
+    )
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

@@ -11,6 +11,7 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.halts import SHOVED_FOR
@@ -31,6 +32,10 @@ class KinematicLimits:
     again accelerates and turns it. Robustness: the tolerance minus the largest excess, as a share
     of the limit.
     """
+
+    profile = SpecProfile(
+        meaning="a robot moved faster than it can", scale=0.1, tie=3, layer="controller"
+    )
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

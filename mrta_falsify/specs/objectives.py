@@ -1,10 +1,10 @@
 """From verdicts to what a search minimises: normalised margins and one score.
 
 Robustness comes in metres, seconds and shares. A margin divides it by the scale at which the
-specification counts as comfortably safe, and cuts it to [-1, 1], so that no specification
-drowns the others. The score is the smallest margin with a small part of the mean of all. So two
-runs with the same worst margin differ by the rest, and the score is not flat where the worst
-specification cannot tell safe from safer.
+specification counts as comfortably safe (``SpecProfile.scale``), and cuts it to [-1, 1], so that no
+specification drowns the others. The score is the smallest margin with a small part of the mean of
+all. So two runs with the same worst margin differ by the rest, and the score is not flat where the
+worst specification cannot tell safe from safer.
 """
 
 from __future__ import annotations
@@ -12,29 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 
+from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.verdict import Verdict
 
-#: robustness that counts as comfortably safe, in the unit of the specification
-SCALES: dict[str, float] = {
-    "no_robot_robot_contact": 0.5,
-    "no_robot_human_contact": 0.5,
-    "no_robot_static_contact": 0.3,
-    "human_clearance": 0.5,
-    "exclusive_use": 1.0,
-    "kinematic_limits": 0.1,
-    "honest_events": 1.0,
-    "all_tasks_done": 1.0,
-    "deadlines": 120.0,
-    "no_deadlock": 30.0,
-    "no_livelock": 60.0,
-    "no_starvation": 120.0,
-    "progress": 60.0,
-    "costly_way": 0.5,
-    "costly_time": 0.5,
-    "costly_calls": 1.0,
-    "stack_runs": 1.0,
-    "repeatable": 1.0,
-}
 MEAN_SHARE = 0.1  # of the mean margin in the score
 LAST_COUNTS = 0.5  # of what is looked for last
 SMALLEST = 1e-9  # a margin of this size only says on which side of 0 it is
@@ -49,7 +29,7 @@ def objectives(verdicts: Sequence[Verdict]) -> dict[str, float]:
 
 
 def _margin(verdict: Verdict) -> float:
-    share = verdict.robustness / SCALES.get(verdict.spec, 1.0)
+    share = verdict.robustness / profile_of(verdict.spec).scale
     if verdict.violated:
         return max(-1.0, min(share, -SMALLEST))
     return min(max(share, 0.0), 1.0)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.stack_failure import DeterminismCheck
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
@@ -20,6 +21,8 @@ class Repeatable:
     episode shorter than a quarter of ``every``, a system or a stack that cannot be copied) is not
     judged.
     """
+
+    profile = SpecProfile(meaning="the stack answered the same question differently", tie=1)
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

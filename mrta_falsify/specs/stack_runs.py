@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.stack_failure import StackFailure
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
@@ -18,6 +19,8 @@ class StackRuns:
     Robustness: 1, or -1 if it failed. A failure ends the episode; ``violated_at`` is the time of
     the tick that was not answered. Failures of the toolkit are errors and no verdicts.
     """
+
+    profile = SpecProfile(meaning="the stack failed", tie=0)
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

@@ -260,7 +260,7 @@ def _own_budget(store: Store, on_note: OnNote) -> int:
     if store.settings.budget:
         on_note(f"budget {store.settings.budget}, as the campaign began; change it by --budget")
         return store.settings.budget
-    ran = sum(record.was_run for record in store.finished.values())
+    ran = stored_progress(store, DEFAULT_LIMITS).ran
     kept = f"the {ran} trials it has run are kept" if ran else "the default is taken"
     on_note(
         f"{store.directory}: recorded no budget (the clock ended it, or an older version wrote "

@@ -23,7 +23,6 @@ from mrta_falsify.campaigns.runner import REPEATS
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import Campaign
-from mrta_falsify.campaigns.time_limit import begin_anew
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
@@ -31,6 +30,7 @@ from mrta_falsify.core.errors import HarnessError, InputError, PlaceError, World
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.process.budget import credit
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.stored_trials import stored_world
 from mrta_falsify.verbs.workers import local_workers, open_executor
@@ -329,7 +329,7 @@ def answering(
     run: Callable[[dict[str, Any]], RecheckRun],
 ) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Make what a worker opens of a function from a job to its run: guarded, encoded."""
-    guard = Guard(on_lost=begin_anew)
+    guard = Guard(on_lost=credit)
 
     def answer(job: dict[str, Any]) -> dict[str, Any]:
         try:

@@ -8,7 +8,6 @@ import importlib.metadata
 import importlib.util
 import os
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Literal
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import default_engine
 from mrta_falsify.core.errors import MrtaFalsifyError
+from mrta_falsify.process.supervisor import Command, run_supervised
 
 OLDEST, NEWEST = (3, 11), (3, 13)  # Pythons
 
@@ -197,17 +197,12 @@ def _check_determinism() -> HealthCheck:
     digests = []
     for hash_seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
-        done = subprocess.run(
-            [sys.executable, "-P", "-c", _SELF_TEST],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode != 0:
-            lines = done.stderr.strip().splitlines() or ["no message"]
+        command = Command([sys.executable, "-P", "-c", _SELF_TEST], environment)
+        done = run_supervised(command, "exec")
+        lines = done.text.strip().splitlines() or ["no message"]
+        if done.code != 0:
             return HealthCheck("determinism", "failed", f"the self-test did not run: {lines[-1]}")
-        digests.append(done.stdout.strip().splitlines()[-1])
+        digests.append(lines[-1])
     if digests[0] != digests[1]:
         return HealthCheck(
             "determinism", "failed", f"trace digests differ: {' and '.join(digests)}"

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core.candidate import uniform_point
-from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.crowd_cost import cost_of
 from mrta_falsify.verbs.programs import MAX_ATTEMPTS, draw_candidates
 from mrta_falsify.verbs.workers import count_cores
@@ -64,17 +64,17 @@ def estimate_cost(
     Raises:
         InputError: no scene is accepted.
     """
-    records: list[TrialRecord] = []
+    stats = CampaignStats(settings)
     size = 0
     with tempfile.TemporaryDirectory() as folder:
         here = dataclasses.replace(settings.trials, directory=folder, sources_digest="")
         runner = TrialRunner(here, open_program(here))
         for number in range(trials):
             u = uniform_point(here.seed, number, settings.cube.dimensions)
-            records.append(runner.run(number, u))
+            stats.take(runner.run(number, u))
             kept = trial_folder(Path(folder), number)
             size += sum(path.stat().st_size for path in kept.rglob("*") if path.is_file())
-    spent = sum(record.origin.scene_s + record.wall_s for record in records) / trials
+    spent = stats.computed_s / trials
     per_line = BYTES_OF_RECORD + BYTES_OF_DIMENSION * settings.cube.dimensions
     return CostEstimate(
         budget=budget,
@@ -83,5 +83,5 @@ def estimate_cost(
         trial_s=spent,
         hours=spent * budget / min(count_cores(workers), settings.window) / 3600.0,
         megabytes=(size / trials + per_line) * budget / 1e6,
-        failed=sum(record.failed for record in records),
+        failed=stats.failed,
     )

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mrta_falsify.campaigns import survival
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.campaigns.survival import IntervalEstimate, SearchCost
 from mrta_falsify.core.arrays import Array
@@ -27,25 +28,19 @@ def search_outcome(campaign: Campaign, *, budget: int, knife_edges: bool = False
     Only the trials up to the first failure count for how long it took. Where copies were run, a
     knife edge counts as a failure only with ``knife_edges``.
     """
-    simulations, seconds, signatures = 0, 0.0, set()
-    first: tuple[int, float] | None = None
+    stats = CampaignStats(campaign.settings)
     for record in campaign.records:
-        seconds += record.origin.scene_s + record.wall_s
-        if not record.was_run:
-            continue
-        simulations += 1
-        if record.is_primary if knife_edges else record.is_robust:
-            signatures.add(record.signature)
-            first = first or (simulations, seconds)
-        if simulations >= budget:
+        stats.take(record)
+        if stats.ran >= budget:
             break
+    first = stats.first_primary if knife_edges else stats.first_robust
     found = first is not None
-    spent = first or (simulations, seconds)
+    ran, seconds = (first.ran, first.computed_s) if first else (stats.ran, stats.computed_s)
     return SearchOutcome(
-        simulations=SearchCost(spent=float(spent[0]), found=found),
-        seconds=SearchCost(spent=spent[1], found=found),
-        trials=simulations,
-        modes=tuple(sorted(signatures)),
+        simulations=SearchCost(spent=float(ran), found=found),
+        seconds=SearchCost(spent=seconds, found=found),
+        trials=stats.ran,
+        modes=stats.signatures(knife_edges=knife_edges),
     )
 
 

@@ -9,13 +9,10 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.campaigns.processes import MAX_DEATHS, spawned
 from mrta_falsify.campaigns.runner import Progress
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits
 from mrta_falsify.campaigns.store import SETTINGS, StoreError
@@ -24,6 +21,8 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import HarnessError, PlaceError
 from mrta_falsify.core.interruption import describe_interrupt
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.pool import MAX_DEATHS, Pool
 from mrta_falsify.verbs.campaign import open_store, run_store
 from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -100,30 +99,21 @@ def run_searches(
         kept = f"{done} of {len(searches)} searches, and the finished trials of the others"
         return kept, f"{directory} is not complete; go on with --resume"
 
-    deaths = 0
-    while missing:
-        try:
-            with describe_interrupt(state), spawned(workers) as pool:
-                asked = {
-                    pool.submit(_search, _settings(plan, *search), plan.limits): search
-                    for search in missing
-                }
-                for future in as_completed(asked):
-                    search = asked[future]
-                    text = future.result()
-                    done, deaths = done + 1, 0
-                    missing.remove(search)
-                    on_search(done, len(searches), f"{search[0]}, seed {search[1]}: {text}")
-        except BrokenProcessPool:
-            deaths += 1
-            if deaths == MAX_DEATHS:
-                raise HarnessError(
-                    f"{directory}: processes that ran searches have died {deaths} times in a row; "
-                    "go on with --resume"
-                ) from None
-        except PlaceError as error:
-            error.then = f"call again with --resume (kept: {state()[0]})"
-            raise
+    try:
+        with describe_interrupt(state), Pool(_runs_searches, workers=workers) as pool:
+            jobs = [(_settings(plan, *search), plan.limits) for search in missing]
+            for number, text in pool.unordered(jobs):
+                done += 1
+                name, seed, _ = missing[number]
+                on_search(done, len(searches), f"{name}, seed {seed}: {text}")
+    except Ending:
+        raise HarnessError(
+            f"{directory}: processes that ran searches have died {MAX_DEATHS} times in a row; "
+            "go on with --resume"
+        ) from None
+    except PlaceError as error:
+        error.then = f"call again with --resume (kept: {state()[0]})"
+        raise
 
 
 def outcomes(
@@ -140,8 +130,13 @@ def outcomes(
     return {name: rows for name, rows in found.items() if rows}
 
 
-def _search(settings: CampaignSettings, limits: Limits) -> str:
+def _runs_searches() -> Callable[[tuple[CampaignSettings, Limits]], str]:
+    return _search
+
+
+def _search(search: tuple[CampaignSettings, Limits]) -> str:
     """Run one search, or what is missing of it, here; return a line about it."""
+    settings, limits = search
     with open_store(Path(settings.trials.directory), settings) as store:
         result = run_store(store, limits, Choice("serial"))
     if result.ended == "interrupted":
@@ -155,8 +150,9 @@ def _has_ended(plan: ComparisonPlan, folder: Path) -> bool:
     """Whether the stored trials of a search are all that its limits ask for."""
     if not (folder / SETTINGS).exists():
         return False
-    progress = Progress(plan.limits)
-    for number, record in enumerate(open_campaign(folder).records):
+    campaign = open_campaign(folder)
+    progress = Progress(campaign.settings, limits=plan.limits)
+    for number, record in enumerate(campaign.records):
         if record.number != number:
             return False
         progress.take(record)

@@ -13,7 +13,6 @@ from mrta_falsify.campaigns.store import Campaign, StoreError, log_size, owner_o
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
-from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import MAX_RUNS, REWINDS, explain
 from mrta_falsify.verbs.folders import Place, make_directory
@@ -231,7 +230,7 @@ def write_reports(
         for record in itertools.islice(in_turn(campaign), cases):
             keep_run(campaign, record, trust)
     if beside:
-        firsts = [campaign.record(mode.ids[0]) for mode in modes(campaign)]
+        firsts = [campaign.record(mode.ids[0]) for mode in campaign.stats().modes]
         keep_neighbours(campaign, firsts, trust)
     write_report(campaign, page, against=other, cases=cases, refresh=refresh)
     if junit is not None:

@@ -24,7 +24,7 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.errors import UnknownNameError
 from mrta_falsify.core.external import ExternalStack, parse_exec
 from mrta_falsify.core.protocols import PriorityView, Waiter
-from mrta_falsify.core.stack_failure import FailureKind
+from mrta_falsify.process.ending import Ending
 from mrta_falsify.stack.allocation.timing import (
     dropoff_of,
     pickup_of,
@@ -41,18 +41,12 @@ class LayerFailed(Exception):  # noqa: N818 - says what became of the layer
 
     Args:
         layer: which.
-        kind: how.
-        part: field of the answer, exit code or signal.
-        message: in words.
-        lines: the last that it printed.
+        ending: how.
     """
 
-    def __init__(
-        self, layer: str, kind: FailureKind, part: str, message: str, lines: Sequence[str]
-    ) -> None:
-        super().__init__(message)
-        self.layer, self.kind, self.part = layer, kind, part
-        self.message, self.lines = message, tuple(lines)
+    def __init__(self, layer: str, ending: Ending) -> None:
+        super().__init__(ending.of(layer))
+        self.layer, self.ending = layer, ending
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,11 +87,10 @@ class ExternalLayer:
             answer = process.wire.receive()
             process.note_answer()
         except NO_ANSWER as error:
-            why = why_no_answer(error, limit, process)
-            raise self._failed(why.kind, why.part, why.told_of(self.LAYER), why.lines) from None
+            raise self._failed(why_no_answer(error, limit, process)) from None
         if answer["type"] != message["type"]:
             text = f"`{message['type']}` was answered by {shown(answer['type'])}"
-            raise self._failed("answer", "type", text)
+            raise self._failed(Ending("answer", text, cause="type"))
         return answer
 
     def _read(self, message: Message, read: Callable[[Message], Any]) -> Any:
@@ -105,7 +98,7 @@ class ExternalLayer:
         try:
             return read(answer)
         except Wrong as wrong:
-            raise self._failed("answer", wrong.field, str(wrong)) from None
+            raise self._failed(Ending("answer", str(wrong), cause=wrong.field)) from None
 
     def _running(self) -> StackProcess:
         if self._process is None or self._owner != os.getpid():  # a copy of this process
@@ -117,12 +110,10 @@ class ExternalLayer:
             weakref.finalize(self, self._process.close)
         return self._process
 
-    def _failed(
-        self, kind: FailureKind, part: str, text: str, lines: Sequence[str] | None = None
-    ) -> LayerFailed:
-        if lines is None:
-            lines = self._process.printed() if self._process is not None else ()
-        return LayerFailed(self.LAYER, kind, part, text, lines)
+    def _failed(self, ending: Ending) -> LayerFailed:
+        if ending.lines is None and self._process is not None:
+            ending.lines = self._process.printed()
+        return LayerFailed(self.LAYER, ending)
 
 
 class ExternalAllocator(ExternalLayer):

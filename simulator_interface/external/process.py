@@ -9,18 +9,17 @@ import re
 import socket
 import time
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
-from mrta_falsify.core.process_clock import ProcessClock
-from mrta_falsify.core.stack_failure import GIB, FailureKind
+from mrta_falsify.core.stack_failure import GIB
+from mrta_falsify.process.ending import Ending, name_of_ending
+from mrta_falsify.process.program import Program
+from mrta_falsify.process.usage import ProcessClock, memory_of
+from mrta_falsify.process.watch import current_watch
 from simulator_interface.external import messages
 from simulator_interface.external.answers import Ready, Wrong, read_ready
-from simulator_interface.external.keeper import Keeper
 from simulator_interface.external.wire import Closed, Late, LateByWallClock, Unreadable, Wire
-from simulator_interface.forking import ending_of
-from simulator_interface.heartbeat import PAGE, post
 
 LINK = "MRTA_STACK_FD"
 #: sources of noise that can be stilled from outside
@@ -32,8 +31,6 @@ STILL = {
     "MKL_NUM_THREADS": "1",
     "PYTHONUNBUFFERED": "1",  # what is printed before a crash is seen
 }
-LAST_LINES = 8  # of the stack's output that are kept
-LONGEST_LINE = 300  # characters
 #: as Python's last line begins, and as C++ says what nobody has caught
 EXCEPTION = re.compile(
     r"(?:^(?=[\w.]*(?:Error|Exception|Died|Exit|Interrupt)\b)|throwing an instance of ')([\w.:]+\w)"
@@ -49,19 +46,6 @@ class Heavy(Exception):  # noqa: N818 - says what happened to the stack
 NO_ANSWER = (Closed, Late, Heavy, Unreadable, Wrong)  #: why there may be none, or none of use
 
 
-class NoAnswer(NamedTuple):
-    """Why a process gave no answer, in the words of a verdict."""
-
-    kind: FailureKind
-    part: str  #: a field, a signal or an exit code
-    text: str  #: what it did, or what is wrong with its answer
-    lines: Sequence[str] | None = None  #: the last that it printed; None: not asked yet
-
-    def told_of(self, who: str) -> str:
-        """Say it of the stack, or of one of its layers."""
-        return self.text if self.kind == "answer" else f"the {who} {self.text}"
-
-
 class StackProcess:
     """A running stack that has said who it is.
 
@@ -75,18 +59,18 @@ class StackProcess:
     def __init__(self, options: ExternalStack) -> None:
         self._options = options
         self._owner = os.getpid()
-        self._keeper: Keeper | None = None  # of a stack that runs already there is none
+        self._program: Program | None = None  # of a stack that runs already there is none
         if options.command:
             ours, theirs = socket.socketpair()
             environment = {**os.environ, **STILL, **options.env, LINK: str(theirs.fileno())}
             folder = options.folder or os.getcwd()
-            self._keeper = Keeper(options.command, folder, environment, theirs)
+            self._program = Program(options.command, folder, environment, theirs)
             theirs.close()
         else:
             ours = _connected(options)
         self._answers = 0
         self.kept = 0  #: bytes of its answers that are kept here; they count as its memory
-        self.wire = Wire(ours, self._keeper.process if self._keeper is not None else None)
+        self.wire = Wire(ours, self._program.number if self._program is not None else None)
         self.wire.look_at_stack(self.weigh)
         try:
             self.ready = self._shake_hands()
@@ -107,7 +91,7 @@ class StackProcess:
         except Closed:
             code, lines = self.last_words()
             said = f"; it printed last: {' | '.join(lines[-3:])}" if lines else ""
-            how = "closed the connection" if code is None else f"ended by {ending_of(code)}"
+            how = "closed the connection" if code is None else f"ended by {name_of_ending(code)}"
             raise ConfigError(f"the stack ({label}) {how} before it was ready{said}") from None
         except Heavy as heavy:
             raise ConfigError(f"the stack ({label}) {heavy} before it was ready") from None
@@ -122,7 +106,7 @@ class StackProcess:
     @property
     def is_kept(self) -> bool:
         """Whether it was started here; one that runs already is not ended either."""
-        return self._keeper is not None
+        return self._program is not None
 
     def note_answer(self) -> None:
         """Take note that it has answered; look at its memory now and then.
@@ -142,28 +126,27 @@ class StackProcess:
         Raises:
             Heavy: it is more than the stack may have.
         """
-        kept = self._keeper.kept() if self._keeper is not None else []
-        measure = _resident if len(kept) == 1 else _share
-        most = post().limits.memory
-        taken = sum(measure(process) for process in kept)
+        most = current_watch().budget.memory
+        taken = memory_of(self._program.kept() if self._program is not None else ())
         if taken + self.kept > most * GIB:
             ours = f", {self.kept / GIB:.1f} of them in paths, events and answers kept of it"
             raise Heavy(f"took up more than {most:g} GiB of memory{ours * (self.kept > taken)}")
 
     def last_words(self) -> tuple[int | None, tuple[str, ...]]:
         """Tell with which code it has ended, None: it runs; and the last lines that it printed."""
-        if self._keeper is None:
+        if self._program is None:
             return None, ()
-        clock = ProcessClock(self._keeper.process, counts_stops=True)
-        state = self._keeper.state()
-        while state and state.get("exit") is None and clock.look() < ENDS_WITHIN:
+        clock = ProcessClock(self._program.number, counts_stops=True)
+        state = self._program.state()
+        while state is not None and state.code is None and clock.look() < ENDS_WITHIN:
             time.sleep(0.01)
-            state = self._keeper.state()
-        return state.get("exit"), _last_lines(state.get("tail", ""))
+            state = self._program.state()
+        return (None, ()) if state is None else (state.code, state.lines())
 
     def printed(self) -> tuple[str, ...]:
         """Give the last lines that it printed, while it runs."""
-        return _last_lines(self._keeper.state().get("tail", "")) if self._keeper else ()
+        state = self._program.state() if self._program is not None else None
+        return () if state is None else state.lines()
 
     def close(self) -> None:
         """End it, and all that it has started; may be called twice. A copy only lets go of it."""
@@ -172,13 +155,14 @@ class StackProcess:
             return
         self.wire.say_bye()
         self.wire.close()
-        if self._keeper is not None:
-            self._keeper.close()
+        if self._program is not None:
+            self._program.close()
 
     def _shake_hands(self) -> Ready:
-        error = self._keeper.begun() if self._keeper is not None else ""
+        error = self._program.error() if self._program is not None else ""
         if error:
-            raise ConfigError(f"the stack cannot be started: {error}")
+            name = self._options.command[0]
+            raise ConfigError(f"the stack cannot be started: {name}: {error}")
         with self.starting():
             self.wire.allow(self._options.start_limit)
             self.wire.send(messages.hello(importlib.metadata.version("mrta-falsify")))
@@ -187,7 +171,7 @@ class StackProcess:
         return ready
 
 
-def why_no_answer(error: Exception, limit: float, process: StackProcess | None) -> NoAnswer:
+def why_no_answer(error: Exception, limit: float, process: StackProcess | None) -> Ending:
     """Tell why a stack gave no answer.
 
     Args:
@@ -199,17 +183,18 @@ def why_no_answer(error: Exception, limit: float, process: StackProcess | None) 
         case Closed():
             code, lines = (None, ()) if process is None else process.last_words()
             if code is None:
-                return NoAnswer("crash", "closed", "closed the connection", lines)
-            how = ending_of(code)
-            return NoAnswer("crash", named_in(lines) or how, f"ended by {how}", lines)
+                return Ending("crash", "closed the connection", cause="closed", lines=lines)
+            how = name_of_ending(code)
+            cause = named_in(lines) or how
+            return Ending("crash", f"ended by {how}", cause=cause, lines=lines)
         case Late():
-            return NoAnswer("hang", "", f"did not answer within {limit:g} s")
+            return Ending("hang", f"did not answer within {limit:g} s")
         case Heavy():
-            return NoAnswer("memory", "", str(error))
+            return Ending("memory", str(error))
         case Wrong(field=field):
-            return NoAnswer("answer", field, str(error))
+            return Ending("answer", str(error), cause=field)
         case _:
-            return NoAnswer("answer", "message", str(error))
+            return Ending("answer", str(error), cause="message")
 
 
 def named_in(lines: Sequence[str]) -> str:
@@ -237,27 +222,3 @@ def _connected(options: ExternalStack) -> socket.socket:
             f"the stack ({options.label()}) cannot be reached: {error.strerror or error}"
         ) from None
     return link
-
-
-def _resident(process: int) -> float:
-    """Measure the memory of a process [bytes]; 0: it has ended."""
-    try:
-        with open(f"/proc/{process}/statm", encoding="ascii") as file:
-            return float(file.read().split()[1]) * PAGE
-    except OSError:
-        return 0.0
-
-
-def _share(process: int) -> float:
-    """Measure its proportional share of memory (Pss) [bytes], which takes longer."""
-    try:
-        with open(f"/proc/{process}/smaps_rollup", encoding="ascii") as file:
-            rows = [line.split() for line in file if line.startswith("Pss:")]
-    except OSError:
-        return 0.0
-    return sum(float(row[1]) * 1024.0 for row in rows)
-
-
-def _last_lines(text: str) -> tuple[str, ...]:
-    lines = (line.rstrip()[:LONGEST_LINE] for line in text.splitlines())
-    return tuple(line for line in lines if line)[-LAST_LINES:]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-import os
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from mrta_falsify.core.errors import ConfigError
@@ -15,10 +14,12 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import (
     GIB,
     DeterminismCheck,
-    FailureKind,
     StackFailed,
-    StackFailure,
 )
+from mrta_falsify.process.child import send
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.watch import current_watch
 from simulator_interface.external.answers import Ready, shown
 from simulator_interface.external.branching import CannotBranch, MessageLog, connect_branch
 from simulator_interface.external.messages import Message
@@ -32,8 +33,6 @@ from simulator_interface.external.second_run import (
 from simulator_interface.external.services import Services
 from simulator_interface.external.transcript import Transcript, TranscriptRecorder
 from simulator_interface.external.wire import Closed, Late, Unreadable, Wire
-from simulator_interface.heartbeat import post
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 
 MAX_QUESTIONS = 100_000  # in one tick; a fleet of 100 may ask 1000 for each robot
 #: messages of a run on disc, in memory that the stack may have; a second telling needs them
@@ -55,10 +54,8 @@ class StackSession(Protocol):
             StackFailed: there is none.
         """
 
-    def failed(
-        self, kind: FailureKind, text: str, tick: int, time: float, part: str
-    ) -> StackFailed:
-        """Say that the stack failed; ``part`` names a field, an exit code, a signal."""
+    def failed(self, ending: Ending) -> StackFailed:
+        """Say that the stack failed at a tick."""
 
     def note_kept(self, size: int) -> None:
         """Count bytes that the harness keeps of the last answer as memory of the stack."""
@@ -140,32 +137,19 @@ class LiveSession:
                 self._process.kept = self._kept + self._recorder.size
                 self._process.note_answer()
         except NO_ANSWER as error:
-            why = why_no_answer(error, limit, self._process)
-            said = why.told_of("stack")
-            raise self.failed(why.kind, said, tick, time, why.part, why.lines) from None
+            raise self.failed(why_no_answer(error, limit, self._process).at(tick, time)) from None
         self._recorder.add(body)
         self._last = body
         return heard, body
 
-    def failed(
-        self,
-        kind: FailureKind,
-        text: str,
-        tick: int,
-        time: float,
-        part: str = "",
-        lines: Sequence[str] | None = None,
-    ) -> StackFailed:
-        """See :class:`StackSession`; ``lines`` it printed last, None: to be asked for."""
-        if self._branch_pid and kind == "hang":
+    def failed(self, ending: Ending) -> StackFailed:
+        """See :class:`StackSession`."""
+        if self._branch_pid and ending.kind == "hang":
             self._exchanges.note_forking_failed()
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._branch_pid, signal.SIGKILL)
-        if lines is None:
-            lines = self._process.printed() if self._process is not None else ()
-        failure = StackFailure(
-            kind=kind, tick=tick, time=time, exception=part, message=text, frames=tuple(lines)
-        )
+            send(self._branch_pid, signal.SIGKILL)
+        if ending.lines is None and self._process is not None:
+            ending.lines = self._process.printed()
+        failure = ending.failure()
         self._recorder.failure = failure
         return StackFailed(failure)
 
@@ -204,7 +188,7 @@ class LiveSession:
         for _ in range(MAX_QUESTIONS):
             body = self._wire.receive_bytes()
             self._exchanges.add(said, body)
-            most = post().limits.memory * MAX_EXCHANGED
+            most = current_watch().budget.memory * MAX_EXCHANGED
             if self._exchanges.size > most * GIB:
                 raise Heavy(f"has made the harness keep messages of more than {most:g} GiB")
             heard = self._wire.read(body)
@@ -290,8 +274,8 @@ class LiveSession:
         """See :class:`StackSession`."""
         again = None
         if self._may_fork() and not self._exchanges.is_copy:
-            with contextlib.suppress(CopyFailed, StackFailed, CannotBranch):
-                again = run_in_watched_copy(functools.partial(self._ask_fork, ask))
+            with contextlib.suppress(Ending, StackFailed, CannotBranch):
+                again = run_supervised(functools.partial(self._ask_fork, ask))
         return functools.partial(self._compared, again)
 
     def _ask_fork(self, ask: Callable[[], object]) -> bytes:
@@ -364,16 +348,12 @@ class TranscriptSession:
         body = next(self._answers, None)
         if body is None:
             text = "the stored answers end here"
-            raise self.failed("answer", text, tick, time, "message")
+            raise self.failed(Ending("answer", text, cause="message").at(tick, time))
         return Wire.decoded(body, is_binary=self.ready.encoding == "msgpack"), body
 
-    def failed(
-        self, kind: FailureKind, text: str, tick: int, time: float, part: str = ""
-    ) -> StackFailed:
+    def failed(self, ending: Ending) -> StackFailed:
         """See :class:`StackSession`."""
-        return StackFailed(
-            StackFailure(kind=kind, tick=tick, time=time, exception=part, message=text)
-        )
+        return StackFailed(ending.failure())
 
     def note_kept(self, size: int) -> None:
         """See :class:`StackSession`; it was counted when the stack said it."""

@@ -28,6 +28,7 @@ from mrta_falsify.core.fleet import (
 from mrta_falsify.core.plane import NO_POINTS
 from mrta_falsify.core.protocols import CostmapSource
 from mrta_falsify.core.world import LINKS, World
+from mrta_falsify.process.ending import Ending
 from mrta_falsify.specs.books import STOP_KINDS, Books
 from mrta_falsify.stack.comms import LinkTimetable
 from mrta_falsify.stack.following import Following
@@ -144,9 +145,8 @@ class ProcessStack:
             state.intent = self._intent(state.intent, answer, fleet.time)
             take(state.orders, answer, state.intent, fleet.time, self._names)
         except Wrong as wrong:
-            raise self.talk.failed(
-                "answer", str(wrong), fleet.tick, fleet.time, wrong.field
-            ) from None
+            ending = Ending("answer", str(wrong), cause=wrong.field).at(fleet.tick, fleet.time)
+            raise self.talk.failed(ending) from None
         state.said = hashlib.sha256(state.said + body).digest()
         self.talk.note_kept(_kept_of(answer, before, state.intent))
         return self._taken(state, answer, fleet)

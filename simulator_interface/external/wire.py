@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import msgpack
 
 from mrta_falsify.core.errors import HarnessError
-from mrta_falsify.core.process_clock import ProcessClock, WallClock
+from mrta_falsify.process.usage import ProcessClock, WallClock
 from simulator_interface.clients.mrta_stack import Closed, Connection
 from simulator_interface.external.messages import Message, plain
 

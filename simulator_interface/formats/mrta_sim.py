@@ -44,23 +44,25 @@ class RobotStart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _TaskEntry:
-    start: int = quantity(low=0)
-    end: int = quantity(low=0)
-    deadline: float = quantity(low=0.0, unit="s")
-    pickup_time: float = quantity(low=0.0, unit="s", default=0.0)
-    dropoff_time: float = quantity(low=0.0, unit="s", default=0.0)
+    start: int = quantity(low=0)  #: room number of the pick-up
+    end: int = quantity(low=0)  #: room number of the drop-off
+    deadline: float = quantity(low=0.0, unit="s")  #: of the drop-off, absolute
+    pickup_time: float = quantity(low=0.0, unit="s", default=0.0)  #: at the pick-up
+    dropoff_time: float = quantity(low=0.0, unit="s", default=0.0)  #: at the drop-off
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Batch:
-    arrival: float = quantity(low=0.0, unit="s")
+    arrival: float = quantity(low=0.0, unit="s")  #: known to the dispatcher from then on
     tasks: tuple[_TaskEntry, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Testcase:
-    tasks_stream: tuple[_Batch, ...]
-    agents: tuple[int, ...] = quantity(low=0, default=())
+class TaskFile:
+    """A testcase file: tasks by their arrival."""
+
+    tasks_stream: tuple[_Batch, ...]  #: tasks that arrive together, in any order
+    agents: tuple[int, ...] = quantity(low=0, default=())  #: start room number of each robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +102,7 @@ def read_task_stream(path: Path, *, rooms: int) -> TaskStream:
             f"{path}: tasks_stream is missing; a task file reads "
             '{"tasks_stream": [{"arrival": 0, "tasks": [{"start": 1, "end": 4, "deadline": 200}]}]}'
         )
-    parsed = codec.decode(_Testcase, data, where=str(path))
+    parsed = codec.decode(TaskFile, data, where=str(path))
     tasks = []
     for b, batch in enumerate(parsed.tasks_stream):
         for t, entry in enumerate(batch.tasks):

@@ -15,8 +15,14 @@ import pytest
 CASES = Path(__file__).with_name("dask_on_loopback.py")
 
 
-@pytest.mark.slow
-def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
+@pytest.mark.parametrize(
+    ("tier", "limit"),
+    [
+        pytest.param("not long", 200, marks=pytest.mark.slow),
+        pytest.param("long", 500, marks=pytest.mark.long),
+    ],
+)
+def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise(tier, limit):
     pytest.importorskip("distributed")
     command = [
         sys.executable,
@@ -26,6 +32,8 @@ def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
         "no:cacheprovider",
         "-p",
         "no:xdist",
+        "-m",
+        tier,
         str(CASES),
     ]
     for attempt in range(2):
@@ -35,7 +43,7 @@ def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
                 cwd=CASES.parents[2],
                 capture_output=True,
                 text=True,
-                timeout=200,
+                timeout=limit,
                 check=False,
             )
         except subprocess.TimeoutExpired:

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from mrta_falsify.campaigns.executors import ProcessExecutor
-from mrta_falsify.campaigns.processes import spawned
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.core.modules import SAFE_PATH, look_here_for, place_of
+from mrta_falsify.process.pool import Pool
 
 LIBRARY = ("queue", "click", "statistics", "multiprocessing", "pickle", "runpy")
 TRIALS = """
@@ -74,11 +74,20 @@ def test_a_worker_takes_no_library_from_here(here: Path) -> None:
     assert not (here / "RAN").exists()
 
 
+def _calls():
+    return _call
+
+
+def _call(asked):
+    function, arguments = asked
+    return function(*arguments)
+
+
 def test_a_pool_takes_no_library_from_here(here: Path) -> None:
     before = dict(os.environ)
-    with spawned(1) as pool:
-        assert pool.submit(os.getcwd).result() == str(here)
-        assert pool.submit(os.getenv, SAFE_PATH).result() == before.get(SAFE_PATH)
+    with Pool(_calls) as pool:
+        asked = [(os.getcwd, ()), (os.getenv, (SAFE_PATH,))]
+        assert list(pool.map(asked)) == [str(here), before.get(SAFE_PATH)]
     assert dict(os.environ) == before
     assert not (here / "RAN").exists()
 

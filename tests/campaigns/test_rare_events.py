@@ -61,14 +61,18 @@ def run(directory, executor, budget, *, mode="exact"):
     return read_campaign(directory)
 
 
+def chance_in(campaign, *, stopped_early=False):
+    return probability_of(campaign, campaign.stats(), stopped_early=stopped_early)
+
+
 def serial():
     return SerialExecutor(SerialExecutor.Options())
 
 
 def test_a_campaign_prints_an_interval_of_a_rare_violation(tmp_path):
-    early = probability_of(run(tmp_path, serial(), 20))
+    early = chance_in(run(tmp_path, serial(), 20))
     assert "looking for levels" in early.note
-    found = probability_of(run(tmp_path, serial(), 400))
+    found = chance_in(run(tmp_path, serial(), 400))
     # Irwin and Hall: the mean of six uniform numbers is below 0.3 with probability 0.04505, in
     # 0.00037 of all cases with the first above 0.9, where there is no scene.
     truth = (0.04505 - 0.00037) / 0.9
@@ -87,7 +91,7 @@ def test_in_pieces_and_on_two_workers_it_is_the_same_campaign(tmp_path):
 
 def test_repaired_scenes_and_an_early_stop_allow_no_estimate(tmp_path):
     found = run(tmp_path, serial(), 5, mode="repair")
-    assert "repaired scenes" in probability_of(found).why_not
+    assert "repaired scenes" in chance_in(found).why_not
     exact = run(tmp_path / "exact", serial(), 5)
-    stopped = probability_of(exact, stopped_early=True)
+    stopped = chance_in(exact, stopped_early=True)
     assert "stop-after" in stopped.why_not

@@ -19,7 +19,9 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs.campaign import resume_campaign
+from tests.campaigns.logs import files_of_trials, log_without_times
 from tests.campaigns.standin import settings
+from tests.survival.kept_trials import kept_settings
 
 
 def _run(store, *, workers=0, **limits):
@@ -48,11 +50,19 @@ def test_the_budget_counts_simulated_candidates_not_rejected_ones(tmp_path):
     assert len(_records(tmp_path)) == progress.told == 20 + progress.rejected
 
 
-def test_any_number_of_workers_gives_the_same_campaign(tmp_path):
-    for workers in (0, 1, 3):
-        with Store.create(tmp_path / str(workers), settings(reject_above=0.8)) as store:
-            _run(store, workers=workers, budget=25)
-    assert _records(tmp_path / "0") == _records(tmp_path / "1") == _records(tmp_path / "3")
+@pytest.mark.parametrize("workers", [(1,), (2,), (4,), (2, 0, 4)])
+def test_any_number_of_workers_gives_the_same_log_and_files(tmp_path, workers):
+    """On 1, 2 and 4 workers, and begun on two, gone on with in this process, ended on four."""
+    for name, each in (("serial", (0,)), ("other", workers)):
+        chosen = kept_settings(str(tmp_path / name), reject_above=0.8)
+        Store.create(tmp_path / name, chosen).close()
+        for part, count in enumerate(each, start=1):
+            with Store.resume(tmp_path / name) as store:
+                _run(store, workers=count, budget=25 * part // len(each))
+    assert log_without_times(tmp_path / "other") == log_without_times(tmp_path / "serial")
+    files = files_of_trials(tmp_path / "other")
+    assert files == files_of_trials(tmp_path / "serial")
+    assert len(files) == 2 * 25
 
 
 def test_a_campaign_in_pieces_equals_one_that_ran_through(tmp_path):
@@ -127,7 +137,7 @@ def test_a_worker_that_dies_before_it_is_ready_is_started_again(tmp_path, starts
 def test_the_same_end_three_times_in_a_row_ends_the_campaign_with_its_last_words(
     tmp_path, monkeypatch, starts, until, words
 ):
-    monkeypatch.setattr("mrta_falsify.campaigns.executors.MAX_STARTS", 4)  # of any end
+    monkeypatch.setattr("mrta_falsify.process.pool.MAX_STARTS", 4)  # of any end
     begun = tmp_path / "begun"
     with (
         Store.create(tmp_path / "c", settings(starts=starts, begun=str(begun))) as store,
@@ -143,8 +153,8 @@ def test_workers_that_are_all_killed_at_their_start_are_started_again(tmp_path):
         executor = ProcessExecutor(ProcessExecutor.Options(workers=4))
         try:
             executor.open(store.settings)
-            for worker in executor._workers:
-                os.kill(worker.process.pid, signal.SIGKILL)
+            for worker in executor.pool.workers:
+                os.kill(worker.child.number, signal.SIGKILL)
             progress, ended = run_campaign(store, Limits(budget=8), executor)
         finally:
             executor.close()
@@ -211,14 +221,14 @@ def test_a_worker_that_is_stopped_for_longer_than_the_limit_is_not_lost():
     try:
         made.open(settings(sleep=0.2, time_limit=0.4))
         made.submit({"number": 0, "u": [0.5]})
-        (worker,) = made._workers
+        (worker,) = made.pool.workers
         while worker.job is None:
             made.collect(0.05)
-        os.kill(worker.process.pid, signal.SIGSTOP)
+        os.kill(worker.child.number, signal.SIGSTOP)
         until = time.monotonic() + 1.2
         while time.monotonic() < until:
             assert made.collect(0.05) == ()
-        os.kill(worker.process.pid, signal.SIGCONT)
+        os.kill(worker.child.number, signal.SIGCONT)
         done = ()
         while not done:
             done = made.collect(0.05)

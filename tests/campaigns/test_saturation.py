@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from mrta_falsify.campaigns.runner import run_campaign
-from mrta_falsify.campaigns.saturation import Saturation, unseen_of
+from mrta_falsify.campaigns.saturation import Saturation
 from mrta_falsify.campaigns.settings import Limits
+from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.seeding import stream
@@ -64,9 +65,11 @@ def test_a_campaign_stops_once_little_is_unseen(tmp_path, limit, expected):
     ):
         limits = Limits(budget=60, until_saturated=limit)
         progress, ended = run_campaign(store, limits, executor)
-        found = unseen_of(store.campaign().records[: progress.told])
+        stats = CampaignStats(chosen)
+        stats.take_all(store.campaign().records[: progress.told])
     assert ended == expected
-    assert found == progress.saturation.unseen()
+    found = progress.unseen
+    assert found == stats.unseen
     assert found.trials == progress.ran
     if limit:
         assert progress.ran < 60

@@ -275,7 +275,7 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
 
     now = [0.0]
     monkeypatch.setattr(campaign_output.time, "monotonic", lambda: now[0])
-    counts = Progress(Limits(budget=40))
+    counts = Progress(standin.settings(), limits=Limits(budget=40))
     with campaign_output.CampaignWatch(tmp_path) as watch:
         for number in range(8):
             now[0] += 5.0
@@ -293,7 +293,8 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
     from mrta_falsify.campaigns.runner import Progress
     from mrta_falsify.verbs.campaign import CampaignResult
 
-    campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
+    campaign = mf.open_campaign(RECORDED / "beds")
+    counts = Progress(campaign.settings, limits=Limits(stop_after=1))
     for record in campaign.records[:told]:
         counts.take(record)
     result = CampaignResult(campaign=campaign, progress=counts, ended="stop-after", wall_s=1.0)
@@ -310,7 +311,8 @@ def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
     from mrta_falsify.campaigns.runner import Progress
     from mrta_falsify.verbs.campaign import CampaignResult
 
-    campaign, counts = mf.open_campaign(RECORDED / "beds"), Progress(Limits(stop_after=1))
+    campaign = mf.open_campaign(RECORDED / "beds")
+    counts = Progress(campaign.settings, limits=Limits(stop_after=1))
     few = Vote(runs=4, failed=0)
     for record in campaign.records:
         counts.take(dataclasses.replace(record, vote=few) if record.failed else record)

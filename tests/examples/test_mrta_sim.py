@@ -15,10 +15,11 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import Task
+from mrta_falsify.process.budget import Budget
+from mrta_falsify.process.watch import Watch, under
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.layouts import load_world
-from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -51,7 +52,7 @@ def judged(world, *names: str, branch: str = "never", engine: str = "kinematic",
         start_limit=300.0,
     )
     config = dataclasses.replace(StackConfig(), engine=Choice(engine), stack=stack)
-    with at_post(Post(limits=StackLimits(memory=4.0))):
+    with under(Watch(budget=Budget.of_stack(StackLimits(memory=4.0)))):
         return simulate(world, config, specifications=build_specifications(list(names)))
 
 

@@ -41,9 +41,10 @@ from mrta_falsify.core.record import Origin, TrialRecord
 from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.seeding import candidate_seed, stream
 from mrta_falsify.core.stack_failure import StackFailed
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import run_supervised
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
-from simulator_interface.watched_copy import CopyFailed, run_in_watched_copy
 from tests.campaigns.standin import settings as standin_settings
 from tests.external.garbled.garbled_stacks import MARK, ROOT, left_with
 from tests.external.garbled.rightful import hall
@@ -119,13 +120,13 @@ def episode(mode: str, mark: str) -> tuple[str, str]:
         for _ in range(COPIED_AT):
             next(frames)
         try:
-            copied = run_in_watched_copy(apart)
+            copied = run_supervised(apart)
         except StackFailed as failed:  # of a copy that was killed only the connection is known
             return "", f"copy: {failed}"
         return f"{further()} {copied}", ""
     except StackFailed as failed:
         return "", f"{failed.failure.kind}: {failed}"
-    except (CannotBranch, CopyFailed) as error:
+    except (CannotBranch, Ending) as error:
         return "", f"copy: {error}"
     finally:
         frames.close()

@@ -18,9 +18,9 @@ import mrta_falsify as mf
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, HarnessError
 from mrta_falsify.core.external import parse_stack
+from mrta_falsify.process.supervisor import run_supervised
 from simulator_interface.episode import Episode
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import run_in_watched_copy
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -87,7 +87,7 @@ def test_copies_of_a_run_have_copies_of_the_stack(hall, tmp_path, branch):
             episode.become_copy()
             return float(next(frames).command.twist[0, 2])
 
-        assert run_in_watched_copy(turning) == pytest.approx(0.06)
+        assert run_supervised(turning) == pytest.approx(0.06)
         assert next(frames).command.twist[0, 2] == pytest.approx(0.06)
         frames.close()
 

@@ -18,13 +18,14 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.world import RobotSpec, World
+from mrta_falsify.process.budget import Budget
+from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.watch import Watch, under
 from simulator_interface.episode import Episode
 from simulator_interface.external import session
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.process import named_in
-from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import run_in_watched_copy
 from tests.external.marked import marked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -132,7 +133,7 @@ def test_a_flood_of_output_is_cut_and_its_end_is_kept(hall):
 @pytest.mark.parametrize("how", ["eats", "hoards", "child eats"])
 def test_too_much_memory_is_seen_within_a_second(hall, how):
     limits = StackLimits(memory=0.3)
-    with at_post(Post(limits=limits)):
+    with under(Watch(budget=Budget.of_stack(limits))):
         outcome = simulate(dataclasses.replace(hall, horizon=3.0), bad(how))
     (verdict,) = outcome.verdicts
     assert verdict.evidence["kind"] == "memory"
@@ -176,7 +177,7 @@ def test_a_stack_that_starts_only_once_has_no_copy_by_replay_and_no_error(hall, 
             return str(error)
         return ""
 
-    said = run_in_watched_copy(copied)
+    said = run_supervised(copied)
     frames.close()
     assert said.startswith("a fresh process of the stack does not go on")
 

@@ -7,15 +7,15 @@ import sys
 
 import pytest
 
-from simulator_interface.external.keeper import Keeper
+from mrta_falsify.process.program import Program
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux only")
 @pytest.mark.timeout(60)
 def test_a_copy_of_the_owner_does_not_hold_the_keeper_up(tmp_path):
     ours, link = socket.socketpair()
-    keeper = Keeper(("sleep", "600"), str(tmp_path), os.environ, link)
-    assert keeper.begun() == ""
+    keeper = Program(("sleep", "600"), str(tmp_path), os.environ, link)
+    assert keeper.error() == ""
     (program,) = keeper.kept()[:1]
     copy = os.fork()
     if copy == 0:

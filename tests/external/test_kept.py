@@ -38,7 +38,7 @@ def test_events_and_waits_cost_with_their_text():
 
 def test_what_is_kept_is_weighed_with_the_processes(monkeypatch):
     process = StackProcess.__new__(StackProcess)
-    process._keeper, process.kept = None, 0
+    process._program, process.kept = None, 0
     process.weigh()
     process.kept = 3 << 30
     with pytest.raises(Heavy, match=r"3\.0 of them in paths"):

@@ -10,9 +10,10 @@ import pytest
 
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.stack_failure import StackLimits
+from mrta_falsify.process.budget import Budget
+from mrta_falsify.process.watch import Watch, under
 from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
-from simulator_interface.heartbeat import Post, at_post
 from simulator_interface.simulate import Outcome, simulate
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,7 +56,7 @@ def test_layers_outside_give_the_run_that_they_give_inside():
     ],
 )
 def test_what_a_layer_does_wrong_is_a_verdict_that_names_it(how, kind, message):
-    with at_post(Post(limits=StackLimits(memory=0.3))):
+    with under(Watch(budget=Budget.of_stack(StackLimits(memory=0.3)))):
         outcome = run(f"allocator={outside(how)}", "allocator.tick_limit=2")
     (verdict,) = outcome.verdicts
     assert verdict.evidence["kind"] == kind

@@ -10,13 +10,13 @@ import yaml
 from click.testing import CliRunner
 
 import mrta_falsify as mf
+from mrta_falsify.campaigns.stats import RepeatCounts
 from mrta_falsify.cli.group import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.trial import Judged, campaign_specifications
-from mrta_falsify.verbs.campaign_summary import RepeatCounts
 from mrta_falsify.verbs.stacks import load_stack
 from mrta_falsify.worker import counted_repeats
 from simulator_interface.simulate import Outcome, TaskCount

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from mrta_falsify.core.process_clock import ProcessClock
+from mrta_falsify.process.usage import ProcessClock
 from simulator_interface.external.wire import Late, LateByWallClock, Wire
 
 LIMIT = 0.2  # s

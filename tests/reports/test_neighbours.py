@@ -17,7 +17,6 @@ from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs import made_again
-from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.report import neighbours
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.summary import summary_sentences
@@ -107,13 +106,13 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
     assert ranking.mattering == (0,)
     first, second = parameter_importances(many, records, ranking)
     assert (first.name, second.name) == ("bed.x", "people")
-    assert first.parts[-1].high == pytest.approx(max(r.origin.values[0] for r in records))
-    table = trial_table(many, modes(many), [1, 0])
+    assert first.parts[-1].high == pytest.approx(max(r.values[0] for r in records))
+    table = trial_table(many, many.stats().modes, [1, 0])
     assert table.parameters == ("people", "bed.x")
     assert table.rows[0].values == (None, records[0].origin.values[0])
     failed = [record.id for record in records if record.failed]
     layers = dict.fromkeys(failed, "queue_policy")
-    told = " ".join(summary_sentences(many, records, modes(many), ranking.mattering, layers))
+    told = " ".join(summary_sentences(many, many.stats(), ranking.mattering, layers))
     assert f"Suspected part of the stack, by trials: the queue policy ({len(failed)})." in told
     assert "ended in a deadlock" in told
     assert "Failing goes with bed.x." in told

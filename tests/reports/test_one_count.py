@@ -12,14 +12,15 @@ from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.specs.causes import TIES
+from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.testing.records import changed
-from mrta_falsify.trial import LATE_OR_UNDONE
+from mrta_falsify.trial import late_or_undone
 from mrta_falsify.verbs.report.build import build_report
 from mrta_falsify.verbs.stored_trials import list_trials, open_campaign, show_trial, what_happened
 from tests.reports.planted import stalled_campaign
 
-SPECS = [name for name in TIES if name not in ("no_deadlock", "stack_runs", "repeatable")]
+OTHERS = ("no_deadlock", "stack_runs", "repeatable")
+SPECS = [name for name in default_specifications() if name not in OTHERS]
 CAMPAIGNS = [
     pytest.param(range(3), id="few"),
     pytest.param(range(3, 203), id="many", marks=pytest.mark.long),
@@ -51,7 +52,7 @@ def drawn_campaign(planted, directory, seed: int):
                     )
                     for name in broken
                 )
-                after = len(broken) > 0 and set(broken) <= set(LATE_OR_UNDONE)
+                after = len(broken) > 0 and set(broken) <= set(late_or_undone())
                 rank = ("secondary" if after else "primary") if verdicts else "none"
                 record = changed(
                     record,

@@ -12,13 +12,13 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Blockage, CommsOutage, Task
+from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.testing.floors import robot, two_rooms
 from mrta_falsify.testing.stacks import IN_TURN, SYMMETRIC, stack
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import EpisodeForecast
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import run_in_watched_copy
 
 ENGINES = ("bullet", "kinematic", "mujoco")
 DRIVE = Task(arrival=0.0, start=0, end=1, deadline=900.0)
@@ -253,7 +253,7 @@ def test_a_copy_of_the_run_asks_a_copy_of_its_own():
     _, _, forecast = begun(rooms(), stack(), 1.0)
     series = object()
     first = forecast(Stretch(series, 1.0, 2.0))
-    inside = run_in_watched_copy(lambda: forecast(Stretch(series, 1.0, 2.0)))
+    inside = run_supervised(lambda: forecast(Stretch(series, 1.0, 2.0)))
     assert inside["seen"] == first["seen"]
     assert inside["process"] != first["process"]
     assert forecast(Stretch(series, 1.0, 3.0))["process"] == first["process"]

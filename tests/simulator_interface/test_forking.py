@@ -9,8 +9,8 @@ import time
 import pytest
 
 from mrta_falsify.core.errors import HarnessError
-from simulator_interface.forking import ending_of
-from simulator_interface.watched_copy import run_in_watched_copy
+from mrta_falsify.process.ending import name_of_ending
+from mrta_falsify.process.supervisor import run_supervised
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def test_a_copy_answers_and_leaves_this_process_as_it_was():
         seen.append(1)
         return {"pid": os.getpid(), "seen": len(seen)}
 
-    answer = run_in_watched_copy(run)
+    answer = run_supervised(run)
     assert answer["pid"] != os.getpid()
     assert answer["seen"] == 1
     assert seen == []
@@ -39,12 +39,12 @@ def test_a_copy_that_fails_is_an_error_and_no_answer():
         raise ValueError("on demand")
 
     with pytest.raises(HarnessError, match="on demand"):
-        run_in_watched_copy(run)
+        run_supervised(run)
 
 
 def test_a_copy_that_is_killed_is_an_error_and_no_answer():
     with pytest.raises(HarnessError, match="ended by SIGKILL, outside the stack"):
-        run_in_watched_copy(lambda: os.kill(os.getpid(), signal.SIGKILL))
+        run_supervised(lambda: os.kill(os.getpid(), signal.SIGKILL))
 
 
 def test_a_copy_does_not_hear_ctrl_c():
@@ -52,7 +52,7 @@ def test_a_copy_does_not_hear_ctrl_c():
         os.kill(os.getpid(), signal.SIGINT)
         return {"goes": "on"}
 
-    assert run_in_watched_copy(run) == {"goes": "on"}
+    assert run_supervised(run) == {"goes": "on"}
 
 
 @pytest.mark.usefixtures("interruptible")
@@ -66,7 +66,7 @@ def test_ctrl_c_ends_the_copy_and_leaves_no_zombie(tmp_path):
         return {"a": "false answer"}
 
     with pytest.raises(KeyboardInterrupt):
-        run_in_watched_copy(run)
+        run_supervised(run)
     with pytest.raises(ProcessLookupError):
         os.kill(int(number.read_text()), 0)
 
@@ -80,7 +80,7 @@ def test_a_copy_ends_with_the_process_that_made_it(tmp_path):
         time.sleep(60.0)
 
     with pytest.raises(HarnessError, match="ended by SIGKILL, outside the stack"):
-        run_in_watched_copy(lambda: run_in_watched_copy(sleep))
+        run_supervised(lambda: run_supervised(sleep))
     copy, deadline = int(number.read_text()), time.monotonic() + 30.0
     while _is_alive(copy) and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -96,6 +96,6 @@ def _is_alive(pid: int) -> bool:
 
 
 def test_an_ending_is_told_by_its_code_or_its_signal():
-    assert ending_of(3) == "exit code 3"
-    assert ending_of(-9) == "SIGKILL"
-    assert ending_of(-40) == "signal 40"  # real-time signals have no name
+    assert name_of_ending(3) == "exit code 3"
+    assert name_of_ending(-9) == "SIGKILL"
+    assert name_of_ending(-40) == "signal 40"  # real-time signals have no name

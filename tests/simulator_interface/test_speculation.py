@@ -10,16 +10,14 @@ import pytest
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Task
-from simulator_interface import checkpoint, forecast, speculation
+from mrta_falsify.process import snapshot
+from mrta_falsify.process.budget import Budget
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.supervisor import Request, Supervisor, run_supervised
+from mrta_falsify.process.watch import current_watch
+from simulator_interface import forecast, speculation
 from simulator_interface.guard import Guard
-from simulator_interface.heartbeat import post
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import (
-    CopyFailed,
-    Request,
-    WatchedCopy,
-    run_in_watched_copy,
-)
 from tests.simulator_interface.test_forecast import DRIVE, rooms, stack
 
 LIMITS = StackLimits(tick=5.0, memory=2.0)
@@ -93,12 +91,12 @@ def checkpoints(monkeypatch, tmp_path) -> Path:
     file.touch()
 
     def noted():
-        point = checkpoint.set_checkpoint()
+        point = snapshot.snapshot()
         with file.open("a") as out:
-            out.write("m" if isinstance(point, checkpoint.Checkpoint) else "w")
+            out.write("m" if isinstance(point, snapshot.Snapshot) else "w")
         return point
 
-    monkeypatch.setattr(speculation, "set_checkpoint", noted)
+    monkeypatch.setattr(speculation, "snapshot", noted)
     return file
 
 
@@ -173,9 +171,9 @@ def copies(checkpoints, monkeypatch) -> Path:
     def noted(call):
         with checkpoints.open("a") as out:
             out.write("c")
-        return run_in_watched_copy(call)
+        return run_supervised(call)
 
-    monkeypatch.setattr(forecast, "run_in_watched_copy", noted)
+    monkeypatch.setattr(forecast, "run_supervised", noted)
     return checkpoints
 
 
@@ -249,9 +247,9 @@ def taken_back(then):
     """A request whose run is taken back once; ``then`` is called in the copy."""
 
     def call():
-        point = checkpoint.set_checkpoint()
-        if isinstance(point, checkpoint.Checkpoint):
-            raise point.roll_back("answer")
+        point = snapshot.snapshot()
+        if isinstance(point, snapshot.Snapshot):
+            raise point.rollback("answer")
         assert point.answer == "answer"
         return then()
 
@@ -259,7 +257,7 @@ def taken_back(then):
 
 
 def answer_of(request, limits=LIMITS):
-    copy = WatchedCopy(limits)
+    copy = Supervisor(Budget.of_stack(limits))
     try:
         copy.ask(request)
         return copy.answer()
@@ -268,7 +266,7 @@ def answer_of(request, limits=LIMITS):
 
 
 def in_stack(call):
-    post().enter(7, 0.35)
+    current_watch().enter(7, 0.35)
     call()
 
 
@@ -280,10 +278,10 @@ def test_a_copy_that_took_over_answers_and_fails_like_any_other():
         (lambda: os._exit(3), "exit code 3"),
         (lambda: os.kill(os.getpid(), signal.SIGSEGV), "SIGSEGV"),
     ):
-        with pytest.raises(CopyFailed) as failed:
+        with pytest.raises(Ending) as failed:
             answer_of(taken_back(lambda ending=ending: in_stack(ending)))
-        assert (failed.value.kind, failed.value.pulse.tick) == ("crash", 7)
-        assert words in failed.value.message
+        assert (failed.value.kind, failed.value.tick) == ("crash", 7)
+        assert words in str(failed.value)
 
 
 def test_a_hang_in_a_copy_that_took_over_is_found_where_it_is():
@@ -291,19 +289,19 @@ def test_a_hang_in_a_copy_that_took_over_is_found_where_it_is():
         while True:
             pass
 
-    with pytest.raises(CopyFailed) as failed:
+    with pytest.raises(Ending) as failed:
         answer_of(taken_back(lambda: in_stack(spin)), StackLimits(tick=0.2, memory=1.0))
     assert failed.value.kind == "hang"
-    assert any(place.function.endswith("spin") for place in failed.value.places)
+    assert "spin\n" in failed.value.where
 
 
 def test_sleeping_copies_end_with_the_run():
     def call():
-        checkpoint.set_checkpoint()
+        snapshot.snapshot()
         children = Path(f"/proc/self/task/{os.getpid()}/children").read_text()
         return [int(child) for child in children.split()]
 
-    copy = WatchedCopy(LIMITS)
+    copy = Supervisor(Budget.of_stack(LIMITS))
     copy.ask(Request(call, None, True))
     (sleeping,) = copy.answer()
     os.kill(sleeping, 0)

@@ -9,16 +9,16 @@ import pytest
 
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Watch
+from mrta_falsify.process.child import can_fork
 from mrta_falsify.specs.deadlock.unknown_goals import UnknownGoals
 from mrta_falsify.specs.library import build_specifications
-from simulator_interface import forking
 from simulator_interface.simulate import simulate
 from tests.simulator_interface.test_forecast import head_on_in_a_lane, on
 from tests.specs.frames import DT, Robot, Script
 
 pytestmark = [
     pytest.mark.slow,  # whole runs
-    pytest.mark.skipif(not forking.can_fork(), reason="processes are copied on Linux"),
+    pytest.mark.skipif(not can_fork(), reason="processes are copied on Linux"),
 ]
 
 

@@ -244,8 +244,8 @@ def test_what_a_dask_worker_cannot_write_is_told(tmp_path):
     from mrta_falsify.campaigns import dask_executor
 
     try:
-        told = dask_executor.run_on_worker("digest", codec.encode(chosen), 1, job)
+        told, _ = dask_executor.run_on_worker("digest", codec.encode(chosen), 1, job)
     finally:
         dask_executor.forget("digest")
-    assert told["fate"] == "unwritable"
-    assert "trials" in told["error"]
+    assert told.fate == "unwritable"
+    assert "trials" in told.error

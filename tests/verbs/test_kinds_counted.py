@@ -17,6 +17,7 @@ from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import Progress, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
 from mrta_falsify.campaigns.signature import signature
+from mrta_falsify.campaigns.stats import by_kind
 from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.cli import main
 from mrta_falsify.core.config import Choice, ExternalStack, StackConfig
@@ -31,7 +32,7 @@ from mrta_falsify.specs.objectives import objectives
 from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import SETTLE, Job, Judged, TrialWatch
 from mrta_falsify.verbs.campaign import CampaignResult
-from mrta_falsify.verbs.campaign_summary import failures_by_kind, modes, summarise_campaign
+from mrta_falsify.verbs.campaign_summary import summarise_campaign
 
 LAST = ("deadlines", "all_tasks_done")
 
@@ -53,6 +54,12 @@ def claimed(kind, *members):
     )  # fmt: skip
 
 
+SETTINGS = CampaignSettings(
+    trials=TrialSettings(scenario="by hand", specifications=("no_deadlock", "progress"), then=LAST),
+    cube=Cube(dimensions=1),
+    rules=RULES,
+    sampler=Choice("random"),
+)
 HOLDS = Verdict(spec="no_deadlock", robustness=20.0, violated=False)
 RUNS = (
     (claimed("deadlock", "robot1", "robot2"),),
@@ -89,13 +96,7 @@ def record_of(number, verdicts):
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("kinds") / "c"
-    trials = TrialSettings(
-        scenario="by hand", specifications=("no_deadlock", "progress"), then=LAST
-    )
-    settings = CampaignSettings(
-        trials=trials, cube=Cube(dimensions=1), rules=RULES, sampler=Choice("random")
-    )
-    with Store.create(place, settings) as store:
+    with Store.create(place, SETTINGS) as store:
         for number, verdicts in enumerate(RUNS):
             store.add(record_of(number, verdicts))
     return place
@@ -103,9 +104,9 @@ def directory(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def summary(directory):
-    campaign, progress = read_campaign(directory), Progress(Limits(budget=len(RUNS)))
-    for record in campaign.records:
-        progress.take(record)
+    campaign = read_campaign(directory)
+    progress = Progress(campaign.settings, limits=Limits(budget=len(RUNS)))
+    progress.take_all(campaign.records)
     return summarise_campaign(
         CampaignResult(campaign=campaign, progress=progress, ended="budget", wall_s=1.0)
     )
@@ -115,11 +116,11 @@ def test_the_kinds_add_up_to_all_failures(directory, summary):
     assert summary.kinds == {"deadlock": 2, "stuck": 1, "shut": 2, "other": 2}
     assert summary.failed == sum(summary.kinds.values()) + summary.afterthoughts == 8
     assert summary.deadlocks == 6  # trials that violate ``no_deadlock``, as before
-    assert failures_by_kind(read_campaign(directory).records) == summary.kinds
+    assert by_kind(read_campaign(directory).stats().kinds) == summary.kinds
 
 
 def test_a_shut_place_is_neither_sought_nor_wanted_nor_the_first_failure():
-    progress = Progress(Limits(budget=9, stop_after=1))
+    progress = Progress(SETTINGS, limits=Limits(budget=9, stop_after=1))
     for number, verdicts in enumerate((RUNS[3], RUNS[4], RUNS[2])):
         record = record_of(number, verdicts)
         progress.take(record)
@@ -139,7 +140,7 @@ def test_a_shut_place_is_neither_sought_nor_wanted_nor_the_first_failure():
 
 
 def test_modes_go_from_deadlocks_to_what_the_world_shut_and_what_was_late(directory):
-    found = modes(read_campaign(directory))
+    found = read_campaign(directory).stats().modes
     assert [mode.kind for mode in found] == ["deadlock", "stuck", "", "", "shut", ""]
     assert [mode.is_afterthought for mode in found] == [False] * 5 + [True]
     assert found[4].signature == "no_deadlock/shut:pushed furniture/doorway"

@@ -13,7 +13,7 @@ from mrta_falsify.core.record import PerturbedRuns
 from mrta_falsify.perturbed_runs import is_decided
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.testing.records import changed
-from mrta_falsify.trial import LATE_OR_UNDONE, campaign_specifications, primary_and_secondary
+from mrta_falsify.trial import campaign_specifications, primary_and_secondary
 from mrta_falsify.worker import TrialRunner, open_program
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
@@ -30,7 +30,7 @@ param horizon = 40
 
 def test_without_a_word_late_and_undone_tasks_come_last():
     specs, then = primary_and_secondary()
-    assert then == LATE_OR_UNDONE
+    assert then == ("deadlines", "all_tasks_done")
     assert set(specs) == set(campaign_specifications())
     assert specs[-len(then) :] == then
 
@@ -108,7 +108,6 @@ def test_copies_end_once_the_rest_cannot_change_what_most_do(most):
 
 
 def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaign):
-    from mrta_falsify.verbs.campaign_summary import modes
     from mrta_falsify.verbs.stored_trials import open_campaign
 
     opened = open_campaign(campaign.directory)
@@ -120,5 +119,5 @@ def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaig
         rank="secondary",
     )
     many = dataclasses.replace(opened, records=(late, late, late, record))
-    assert [mode.signature for mode in modes(many)] == [record.signature, "deadlines"]
-    assert [mode.is_afterthought for mode in modes(many)] == [False, True]
+    assert [mode.signature for mode in many.stats().modes] == [record.signature, "deadlines"]
+    assert [mode.is_afterthought for mode in many.stats().modes] == [False, True]

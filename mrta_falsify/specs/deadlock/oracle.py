@@ -36,6 +36,7 @@ from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import BlockedBy, Frame
 from mrta_falsify.core.protocols import Forecast
+from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import EDGES_EVERY, look_stride
@@ -81,6 +82,13 @@ class NoDeadlock:
     lose as much as they have stood, up to 95 %. Only a deadlock that a continuation confirmed
     takes it below 0, to minus the time from its onset to its detection.
     """
+
+    profile = SpecProfile(
+        meaning="robots waited for each other for good",
+        scale=30.0,
+        tie=8,
+        in_votes={"copies": 1, "members": False},
+    )
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:

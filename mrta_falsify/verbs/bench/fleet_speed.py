@@ -18,10 +18,10 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.process_clock import cpu_of_tree
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.trace import TraceRecorder
 from mrta_falsify.core.world import World
+from mrta_falsify.process.usage import cpu_of_tree
 from mrta_falsify.specs.books import Books
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
 from mrta_falsify.specs.deadlock.oracle import NoDeadlock

@@ -21,7 +21,6 @@ from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign import OnFeedback, open_store, run_store
-from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
 from mrta_falsify.verbs.ci.ledger import MAX_EXAMPLES, CellState, Example, Fate, Finding, merged
 from mrta_falsify.verbs.ci.project import Project
@@ -130,7 +129,7 @@ def _forget_other_settings(folder: Path, cell: Cell) -> None:
 def _found_by(project: Project, campaign: Campaign, number: int) -> Iterator[Finding]:
     """Yield the failure modes of a search."""
     by_id = {record.id: record for record in campaign.records}
-    for mode in modes(campaign):
+    for mode in campaign.stats().modes:
         records = [by_id[name] for name in mode.ids]
         verdict = leading(records[0].verdicts)
         assert verdict is not None

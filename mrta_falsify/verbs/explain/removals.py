@@ -16,13 +16,13 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World
+from mrta_falsify.process.ending import Ending
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
 from mrta_falsify.trial import Job
 from simulator_interface.continuation import Running, run_to
-from simulator_interface.watched_copy import CopyFailed
 
 
 def removals_of(
@@ -63,7 +63,7 @@ def removals_of(
                 other: numbers[other] for other in names if other not in (name, *account.blockers)
             }
             removed = partial(_removal, running, job.world, name, numbers[name], others)
-            with contextlib.suppress(CopyFailed):  # the stack fails without it: it tells nothing
+            with contextlib.suppress(Ending):  # the stack fails without it: it tells nothing
                 yield journal.keep(key, running.in_a_copy(removed, Removal))
 
 

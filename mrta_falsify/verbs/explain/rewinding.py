@@ -31,11 +31,11 @@ from mrta_falsify.core.inevitability import (
     turn_of,
 )
 from mrta_falsify.lab import Edit, Experiment, Lab, Vote
+from mrta_falsify.process.child import can_fork
 from mrta_falsify.specs.causes import cause_begins
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.changes import SUSPECTS, Change
 from mrta_falsify.verbs.explain.rows import Failure, experiment_of, fate_of
-from simulator_interface import forking
 from simulator_interface.episode import Episode
 
 REWINDS = 80  # copies, unless the caller says otherwise
@@ -149,7 +149,7 @@ def rewind(
 
 def _why_not(job: Job) -> str:
     """Say why no copy of a run can go on with small differences; empty if it can."""
-    if not forking.can_fork():
+    if not can_fork():
         return "the whole run: no process can be copied with a window open"
     episode = Episode(job.world, job.config)
     try:

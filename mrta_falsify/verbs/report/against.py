@@ -30,7 +30,7 @@ def comparison_tables(campaign: Campaign, against: Campaign) -> tuple[Table, ...
 def _by_mode(campaign: Campaign, against: Campaign) -> Table:
     rules = _common_rules(campaign, against)
     one, other = (_modes_by(c, rules) for c in (campaign, against))
-    counts = [sum(record.status == "ok" for record in c.records) for c in (campaign, against)]
+    counts = [c.stats().judged for c in (campaign, against)]
     names = sorted(one.keys() | other, key=lambda n: (-one.get(n, 0) - other.get(n, 0), n))
     rows = [(name, f"{one.get(name, 0)}", f"{other.get(name, 0)}") for name in names]
     total = (f"{sum(one.values())} of {counts[0]}", f"{sum(other.values())} of {counts[1]}")

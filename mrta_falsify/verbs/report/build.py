@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 
 from mrta_falsify.campaigns.settings import TrialSettings
+from mrta_falsify.campaigns.stats import CampaignStats, FailureMode, by_kind
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.campaigns.trial_index import TrialIndex
 from mrta_falsify.core import codec
@@ -24,15 +25,10 @@ from mrta_falsify.core.durable import make_folder
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
-from mrta_falsify.specs.causes import group_of, kind_of, leading
+from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_summary import (
-    FailureMode,
     comparison_sentence,
-    failures_by_kind,
     kinds_text,
-    modes,
-    primary_modes,
-    stack_comparison,
     unjudged_sentences,
 )
 from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
@@ -160,22 +156,22 @@ def build_report(
         against: a campaign with another stack on the same scenario, to compare with.
         cases: failures to show in full at most.
     """
-    settings = campaign.settings
+    settings, stats = campaign.settings, campaign.stats()
     judged = [record for record in campaign.records if record.status == "ok"]
     failed = [record for record in judged if record.failed]
     shown, lost = readable_cases(campaign, cases)
     floor = _any_world(campaign, judged)
     versions = next((record.origin.versions for record in judged), {})
-    kinds = modes(campaign)
+    kinds = stats.modes
     layers = {record.id: layer_of(campaign, record) for record in failed}
     found = _modes(kinds, failed, shown, layers)
     ranking = rank_dimensions(campaign, judged)
     return ReportContents(
         title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
-        headline=_headline(campaign, failed, len(judged), kinds),
-        summary=summary_sentences(campaign, judged, kinds, ranking.mattering, layers),
+        headline=_headline(stats),
+        summary=summary_sentences(campaign, stats, ranking.mattering, layers),
         counted_by=shlex.join(["mrta-falsify", "list", str(campaign.directory)]),
-        facts=facts_of(campaign, judged, failed),
+        facts=facts_of(stats),
         modes=found,
         trials=_trials(judged, floor),
         importances=parameter_importances(campaign, judged, ranking),
@@ -188,8 +184,8 @@ def build_report(
         versions=tuple(sorted(versions.items())),
         notes=(
             *_compared_notes(settings.trials),
-            *notes_of(campaign),
-            *(f"{s}." for s in unjudged_sentences(campaign)),
+            *notes_of(campaign, stats),
+            *(f"{s}." for s in unjudged_sentences(stats)),
             *lost,
         ),
         warnings=warnings_of(campaign, judged),
@@ -204,21 +200,23 @@ def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, .
         campaign: to sum up.
         layers: suspected layer by id of a failing trial (:func:`.stored_trials.layer_of`).
     """
+    stats = campaign.stats()
     judged = [record for record in campaign.records if record.status == "ok"]
     mattering = rank_dimensions(campaign, judged).mattering
-    told = summary_sentences(campaign, judged, modes(campaign), mattering, layers)
-    return (*told, *notes_of(campaign))
+    told = summary_sentences(campaign, stats, mattering, layers)
+    return (*told, *notes_of(campaign, stats))
 
 
 def index_of(campaign: Campaign) -> TrialIndex:
     """Make the index of a campaign, from which it is listed without its log."""
+    stats = campaign.stats()
     judged = [record for record in campaign.records if record.status == "ok"]
     mattering = rank_dimensions(campaign, judged).mattering
-    before, after = summary_parts(campaign, judged, modes(campaign), mattering)
+    before, after = summary_parts(campaign, stats, mattering)
     return TrialIndex(
         rows=tuple(row_of(record, record.layer) for record in campaign.records),
         ranked=frozenset(record.id for record in judged if record.rank != "none"),
-        summary=(before, (*after, *notes_of(campaign))),
+        summary=(before, (*after, *notes_of(campaign, stats))),
     )
 
 
@@ -237,30 +235,25 @@ def _other_stack_text(stack: StackConfig | None) -> str:
     return yaml.safe_dump(codec.encode(stack), sort_keys=False) if stack is not None else ""
 
 
-def _headline(
-    campaign: Campaign, failed: Sequence[TrialRecord], judged: int, found: Sequence[FailureMode]
-) -> str:
+def _headline(stats: CampaignStats) -> str:
     """Give the result of a campaign in one line; what is looked for last is counted apart."""
+    judged = stats.judged
     if not judged:
-        return "No trial has been judged" if campaign.records else "No trial has been run yet"
-    compared = stack_comparison(campaign)
-    if compared is not None:
-        return f"{judged} trials: {comparison_sentence(compared)}"
-    last = sum(group_of(record.result) == "secondary" for record in failed)
-    counts = failures_by_kind(failed)
-    shut = counts.pop("shut")
-    sought = len(failed) - last - shut
-    count = primary_modes(found)
+        return "No trial has been judged" if stats.records else "No trial has been run yet"
+    if stats.comparison is not None:
+        return f"{judged} trials: {comparison_sentence(stats.comparison)}"
+    last, shut, sought = stats.afterthoughts, stats.kinds["shut"], stats.sought
+    count = stats.primary_modes
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
     which = " that is looked for first" if last else ""
     first = f"{sought} of {judged} trials {verb} a specification{which}, in {kinds}"
-    first += f": {kinds_text({**counts, 'shut': 0})}"
+    first += f": {kinds_text({**by_kind(stats.kinds), 'shut': 0})}"
     if not sought:
         first = f"None of {judged} trials violates a specification"
         first += " that is looked for first" if last or shut else ""
     first += f"; {shut} {KIND_TEXT['shut']}" if shut else ""
-    names = " or ".join(campaign.settings.trials.then)
+    names = " or ".join(stats.settings.trials.then)
     return f"{first}; {last} only {names}" if last else first
 
 

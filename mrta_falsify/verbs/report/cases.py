@@ -19,7 +19,6 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
 from mrta_falsify.specs.causes import by_cause, kind_of
-from mrta_falsify.verbs.campaign_summary import modes
 from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
 from mrta_falsify.verbs.explain import NO_LAYER, decided_sentences, needs_sentences, removal_text
 from mrta_falsify.verbs.minimize.sentences import minimal_text
@@ -77,7 +76,7 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], l
 def in_turn(campaign: Campaign) -> Iterator[TrialRecord]:
     """Yield failures whose runs were kept: the first of each mode, then the second of each."""
     by_id = {record.id: record for record in campaign.records if record.trace_file}
-    queues = [[by_id[i] for i in mode.ids if i in by_id] for mode in modes(campaign)]
+    queues = [[by_id[i] for i in mode.ids if i in by_id] for mode in campaign.stats().modes]
     for turn in range(max(map(len, queues), default=0)):
         for queue in queues:
             if turn < len(queue):

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrta_falsify.campaigns.stats import is_uniform
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.importance import Group, Importance, importances
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign_summary import uniform_trials
 from mrta_falsify.verbs.report.trial_table import dimension_names, values_of
 from reports.contents import ParameterImportance
 
@@ -41,8 +41,7 @@ def rank_dimensions(campaign: Campaign, judged: Sequence[TrialRecord]) -> Rankin
         judged: its judged trials.
     """
     cube = campaign.settings.cube
-    evenly = {record.number for record in uniform_trials(campaign)}
-    even = [record for record in judged if record.number in evenly]
+    even = [record for record in judged if is_uniform(record, campaign.settings)]
     for is_even, records in ((True, even), (False, judged)):
         points = [record.candidate.u for record in records]
         if not points or not cube.dimensions or any(len(u) != cube.dimensions for u in points):

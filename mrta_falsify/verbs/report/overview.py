@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
+from mrta_falsify.campaigns.stats import OTHER, CampaignStats, by_kind
 from mrta_falsify.campaigns.store import Campaign, owner_of
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.probability import interval_text
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.tight_ways import counted
-from mrta_falsify.specs.causes import group_of
 from mrta_falsify.verbs.campaign_summary import (
-    OTHER,
     NoProbability,
-    engine_agreement,
-    failures_by_kind,
-    first_failure,
     probability_of,
-    screening_agreement,
     shut_sentence,
-    unseen_in,
     unseen_sentence,
 )
 from reports.contents import ErrorKind
@@ -30,59 +22,46 @@ SECONDS_PER_HOUR = 3600.0
 MAX_BESIDE = 10  # notes of trials
 
 
-def facts_of(
-    campaign: Campaign, judged: Sequence[TrialRecord], failed: Sequence[TrialRecord]
-) -> tuple[tuple[str, str], ...]:
-    """List the facts of a campaign, each with its label.
-
-    Args:
-        campaign: to report.
-        judged: its judged trials.
-        failed: its failures.
-    """
-    settings = campaign.settings
-    statuses = Counter(record.status for record in campaign.records)
-    hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
-    computed = sum(record.wall_s + record.origin.scene_s for record in campaign.records)
-    first = first_failure(judged)
-    counts = failures_by_kind(failed)
-    last = sum(group_of(record.result) == "secondary" for record in failed)
-    shut = counted(record.origin.shut for record in campaign.records)
+def facts_of(stats: CampaignStats) -> tuple[tuple[str, str], ...]:
+    """List the facts of a campaign, each with its label."""
+    settings = stats.settings
+    first = stats.first_primary
+    counts = by_kind(stats.kinds)
+    last, shut = stats.afterthoughts, stats.shut
     facts = [
         ("scenario", settings.trials.scenario),
-        ("trials", str(len(judged))),
+        ("trials", str(stats.judged)),
         ("deadlocks", str(counts["deadlock"])),
         ("stuck", str(counts["stuck"])),
         ("other failures", str(counts[OTHER])),
         *([(KIND_TEXT["shut"], str(counts["shut"]))] if counts["shut"] else []),
         *([(f"only {' or '.join(settings.trials.then)}", str(last))] if last else []),
-        ("first failure", f"trial {first} of {len(judged)}" if first else "none"),
-        ("scenes rejected", str(statuses["rejected"])),
-        ("impossible worlds", str(statuses["impossible"])),
+        ("first failure", f"trial {first.judged} of {stats.judged}" if first else "none"),
+        ("scenes rejected", str(stats.rejected)),
+        ("impossible worlds", str(stats.impossible)),
         *([("rooms shut", shut_sentence(shut))] if shut else []),
-        ("errors of the toolkit", str(statuses["crashed"] + statuses["timeout"])),
+        ("errors of the toolkit", str(stats.errors)),
         ("sampler", settings.sampler.name),
         ("search dimensions", str(settings.cube.dimensions)),
-        ("simulated", f"{hours:.2f} h"),
-        ("computed", f"{computed:.0f} s on one core"),
+        ("simulated", f"{stats.sim_time / SECONDS_PER_HOUR:.2f} h"),
+        ("computed", f"{stats.computed_s:.0f} s on one core"),
         ("specifications", ", ".join(settings.trials.specifications)),
     ]
-    agreed = screening_agreement(campaign)
+    agreed = stats.screening
     if agreed is not None:
         text = f"{agreed.confirmed} of {agreed.failed_in_screening} kinematic failures"
         facts.append(("confirmed by physics", text))
-    for engine in engine_agreement(campaign):
+    for engine in stats.engines:
         text = f"{engine.fails} of {engine.asked} robust failures"
         facts.append((f"fail on {engine.engine}, too", text))
     return tuple(facts)
 
 
-def notes_of(campaign: Campaign) -> tuple[str, ...]:
+def notes_of(campaign: Campaign, stats: CampaignStats) -> tuple[str, ...]:
     """Say how likely a violation is, or why that is not known, and how much is still unseen."""
-    unseen = unseen_in(campaign)
-    text = unseen_sentence(unseen) if unseen is not None else ""
+    text = unseen_sentence(stats.unseen) if stats.unseen is not None else ""
     seen = (f"{text}.",) if text else ()
-    return _chance_notes(campaign) + seen + _beside_notes(campaign)
+    return _chance_notes(campaign, stats) + seen + _beside_notes(campaign)
 
 
 def _beside_notes(campaign: Campaign) -> tuple[str, ...]:
@@ -97,8 +76,8 @@ def _beside_notes(campaign: Campaign) -> tuple[str, ...]:
     return tuple(told)
 
 
-def _chance_notes(campaign: Campaign) -> tuple[str, ...]:
-    chance = probability_of(campaign)
+def _chance_notes(campaign: Campaign, stats: CampaignStats) -> tuple[str, ...]:
+    chance = probability_of(campaign, stats)
     if isinstance(chance, NoProbability):
         return (f"No probability of failure is given: {chance.why_not}.",)
     estimate = "unknown" if chance.estimate is None else f"{chance.estimate:.3g}"

@@ -5,22 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from mrta_falsify.campaigns.stats import OTHER, CampaignStats, by_kind
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.campaigns.trial_index import layer_sentences
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.defects import defect
 from mrta_falsify.core.probability import WIDEST
-from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
-from mrta_falsify.specs.causes import group_of
-from mrta_falsify.verbs.campaign_summary import (
-    OTHER,
-    FailureMode,
-    failures_by_kind,
-    first_failure,
-    primary_modes,
-    unseen_in,
-)
 from mrta_falsify.verbs.report.trial_table import dimension_names
 
 SECONDS_PER_HOUR = 3600.0
@@ -29,8 +20,7 @@ MAX_NAMED = 3  # parameters
 
 def summary_sentences(
     campaign: Campaign,
-    judged: Sequence[TrialRecord],
-    found: Sequence[FailureMode],
+    stats: CampaignStats,
     mattering: Sequence[int],
     layers: Mapping[str, str],
 ) -> tuple[str, ...]:
@@ -38,31 +28,29 @@ def summary_sentences(
 
     Args:
         campaign: to report.
-        judged: its judged trials.
-        found: its failure modes.
+        stats: its counts.
         mattering: dimensions that failing goes with beyond chance.
         layers: suspected layer by id of a failing trial, by re-runs where there are any.
     """
-    before, after = summary_parts(campaign, judged, found, mattering)
-    suspected = (layers.get(record.id, "") for record in judged if record.rank != "none")
+    before, after = summary_parts(campaign, stats, mattering)
+    if not stats.judged:
+        return ()
+    suspected = (layers.get(record.id, "") for record in campaign.records if record.rank != "none")
     return (*before, *layer_sentences(suspected), *after)
 
 
 def summary_parts(
-    campaign: Campaign,
-    judged: Sequence[TrialRecord],
-    found: Sequence[FailureMode],
-    mattering: Sequence[int],
+    campaign: Campaign, stats: CampaignStats, mattering: Sequence[int]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Give the sentences before and after those on layers; see :func:`summary_sentences`."""
-    if not judged:
+    if not stats.judged:
         return (), ()
     before = (
         *_stack_sentences(campaign.settings.trials.stack),
-        *_failure_sentences(campaign, judged),
-        *_mode_sentences(judged, found),
+        *_failure_sentences(stats),
+        *_mode_sentences(stats),
     )
-    return before, (*_parameter_sentences(campaign, mattering), *_unseen_sentences(campaign))
+    return before, (*_parameter_sentences(campaign, mattering), *_unseen_sentences(stats))
 
 
 def _stack_sentences(stack: StackConfig) -> list[str]:
@@ -92,15 +80,14 @@ def _options_text(stack: StackConfig, layer: str) -> str:
     return f" with {parts}" if parts else ""
 
 
-def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> list[str]:
-    name = Path(campaign.settings.trials.scenario).stem
-    hours = sum(record.sim_time for record in judged) / SECONDS_PER_HOUR
-    reported = [record for record in judged if record.rank != "none"]
-    counts = failures_by_kind(reported)
-    last = sum(group_of(record.result) == "secondary" for record in reported)
-    parts = [_share("ended in a deadlock", counts["deadlock"], len(judged))]
+def _failure_sentences(stats: CampaignStats) -> list[str]:
+    trials, judged, last = stats.settings.trials, stats.judged, stats.afterthoughts
+    name = Path(trials.scenario).stem
+    hours = stats.sim_time / SECONDS_PER_HOUR
+    counts = by_kind(stats.reported_kinds)
+    parts = [_share("ended in a deadlock", counts["deadlock"], judged)]
     parts += [
-        _share(what, counts[kind], len(judged))
+        _share(what, counts[kind], judged)
         for kind, what in (
             ("stuck", "ended with robots stuck"),
             (OTHER, "failed otherwise"),
@@ -109,23 +96,25 @@ def _failure_sentences(campaign: Campaign, judged: Sequence[TrialRecord]) -> lis
         if counts[kind]
     ]
     if last:
-        missed = " or ".join(name.replace("_", " ") for name in campaign.settings.trials.then)
-        parts.append(_share(f"failed only in {missed}", last, len(judged)))
-    trials = "One trial" if len(judged) == 1 else f"{len(judged)} trials"
-    return [f"{trials} of {name} ({hours:.2f} h simulated): {'; '.join(parts)}."]
+        missed = " or ".join(name.replace("_", " ") for name in trials.then)
+        parts.append(_share(f"failed only in {missed}", last, judged))
+    count = "One trial" if judged == 1 else f"{judged} trials"
+    return [f"{count} of {name} ({hours:.2f} h simulated): {'; '.join(parts)}."]
 
 
 def _share(what: str, count: int, total: int) -> str:
     return f"{count} of {total} {what} ({count / total:.0%})" if count else f"none {what}"
 
 
-def _mode_sentences(judged: Sequence[TrialRecord], found: Sequence[FailureMode]) -> list[str]:
-    first = first_failure(judged)
+def _mode_sentences(stats: CampaignStats) -> list[str]:
+    first = stats.first_primary
     if first is None:
         return []
-    count = primary_modes(found)
+    count = stats.primary_modes
     kinds = "one way" if count == 1 else f"{count} different ways"
-    return [f"They fail in {kinds}; the first of these came in trial {first} of {len(judged)}."]
+    return [
+        f"They fail in {kinds}; the first of these came in trial {first.judged} of {stats.judged}."
+    ]
 
 
 def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:
@@ -134,8 +123,8 @@ def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[s
     return [f"Failing goes with {listed(named)}."] if named else []
 
 
-def _unseen_sentences(campaign: Campaign) -> list[str]:
-    unseen = unseen_in(campaign)
+def _unseen_sentences(stats: CampaignStats) -> list[str]:
+    unseen = stats.unseen
     if unseen is None or unseen.estimate is None or unseen.high - unseen.low > WIDEST:
         return []
     return [

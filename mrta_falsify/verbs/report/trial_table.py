@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mrta_falsify.campaigns.stats import FailureMode
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.specs.causes import kind_of, leading
-from mrta_falsify.verbs.campaign_summary import FailureMode
 from reports.contents import TrialRow, TrialTable
 
 MAX_CELLS = 120_000  # values of parameters; about 0.5 MB of the page

@@ -16,12 +16,12 @@ from mrta_falsify.core.difference import first_difference
 from mrta_falsify.core.external import Branching
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import World
+from mrta_falsify.process.supervisor import run_supervised
 from simulator_interface.episode import Episode
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.messages import Message
 from simulator_interface.external.session import StackSession
 from simulator_interface.simulate import Outcome, simulate
-from simulator_interface.watched_copy import run_in_watched_copy
 
 SECONDS = 20.0  # s of the runs that are compared
 BEFORE, AFTER = 5.0, 5.0  # s of a run until a copy is made, and of the copy
@@ -161,7 +161,7 @@ def _goes_on(config: StackConfig, world: World, branch: Branching) -> str:
     try:
         _advance(frames, BEFORE)
         began = perf_counter()
-        copied = run_in_watched_copy(apart)
+        copied = run_supervised(apart)
         took = perf_counter() - began
         original = further()
     finally:

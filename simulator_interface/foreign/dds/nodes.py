@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shlex
-import signal
 import socket
-import subprocess
 import time
 from collections.abc import Mapping, Sequence
 
-from simulator_interface.forking import ending_of
+from mrta_falsify.process.ending import name_of_ending
+from mrta_falsify.process.program import Program
 
 PATIENCE = 2.0  # s between asking a program to end and ending it
+LOOK_EVERY = 0.02  # s between two looks at whether it has ended
 
 
 class NodeEnded(Exception):  # noqa: N818 - says what a program did
@@ -35,14 +33,13 @@ class Nodes:
     def __init__(
         self, commands: Sequence[Sequence[str]], env: Mapping[str, str], hold: socket.socket
     ) -> None:
-        self._running: list[subprocess.Popen[bytes]] = []
+        self._running: list[tuple[str, Program]] = []
         for command in commands:
-            try:
-                self._running.append(_started(command, env, hold))
-            except OSError as error:
+            program = Program(command, ".", env, hold, is_quiet=False)
+            self._running.append((shlex.join(command), program))
+            if error := program.error():
                 self.end()
-                label = shlex.join(command)
-                raise NodeEnded(f"{label}: cannot be started: {error.strerror}") from None
+                raise NodeEnded(f"{shlex.join(command)}: cannot be started: {error}")
 
     def look(self) -> None:
         """See whether all run.
@@ -50,37 +47,19 @@ class Nodes:
         Raises:
             NodeEnded: one does not.
         """
-        for process in self._running:
-            code = process.poll()
-            if code is not None:
-                label = shlex.join(map(str, process.args))  # type: ignore[arg-type]
-                raise NodeEnded(f"{label} ended by {ending_of(code)}")
+        for label, program in self._running:
+            if program.has_ended():
+                state = program.state()
+                code = -9 if state is None or state.code is None else state.code
+                raise NodeEnded(f"{label} ended by {name_of_ending(code)}")
 
     def end(self) -> None:
         """End them and what they have started; may be called twice."""
-        for process in self._running:
-            _send(process, signal.SIGTERM)
+        for _, program in self._running:
+            program.ask_to_end()
         until = time.monotonic() + PATIENCE
-        for process in self._running:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(max(0.0, until - time.monotonic()))
-            _send(process, signal.SIGKILL)
-            process.wait()
+        for _, program in self._running:
+            while not program.has_ended() and time.monotonic() < until:
+                time.sleep(LOOK_EVERY)
+            program.close()
         self._running = []
-
-
-def _started(
-    command: Sequence[str], env: Mapping[str, str], hold: socket.socket
-) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        command,
-        env=env,
-        stdin=subprocess.DEVNULL,
-        pass_fds=(hold.fileno(),),
-        start_new_session=True,  # so that what it starts can be ended with it
-    )
-
-
-def _send(process: subprocess.Popen[bytes], number: int) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, number)

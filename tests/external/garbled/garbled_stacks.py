@@ -16,13 +16,13 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.seeding import stream
+from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.specs.library import build_specifications, default_specifications
 from simulator_interface.episode import Episode
 from simulator_interface.external.answers import FARTHEST, read_ready
 from simulator_interface.external.branching import CannotBranch
 from simulator_interface.external.transcript import Transcript, TranscriptRecorder
 from simulator_interface.simulate import simulate
-from simulator_interface.watched_copy import run_in_watched_copy
 from tests.external.garbled.garbling import Garbled, framed, garbled, packed
 from tests.external.garbled.rightful import Message, command_message, hall, ready_message
 from tests.external.garbled.tally import Tally, no_sentence
@@ -201,7 +201,7 @@ def copied(config: StackConfig) -> str:
     try:
         for _ in range(5):
             next(frames)
-        said = str(run_in_watched_copy(apart))
+        said = str(run_supervised(apart))
     finally:
         frames.close()
     assert not no_sentence(said), said

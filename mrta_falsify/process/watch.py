@@ -1,4 +1,4 @@
-"""The heartbeat: what a process that runs episodes shows to the one that watches it.
+"""The watch over a process that runs episodes: its heartbeat, and what it knows of its watcher.
 
 A page of shared memory says whether the process is inside the stack under test, at which tick, and
 since when. The watching process may read it at any time, even while compiled code of the stack
@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from mrta_falsify.core.compiled import on_compiling
 from mrta_falsify.core.stack_failure import GIB, StackFailed, StackFailure, StackLimits
+from mrta_falsify.process.budget import Budget
 
 #: in the stack, compiling, entries into the stack, tick, simulated time [s], CPU time of the entry
 #: [s], resident memory at the entry [bytes], bytes that earlier calls of the stack took up, process
@@ -116,27 +117,27 @@ class Heartbeat:
         return float(os.pread(self._statm, 64, 0).split()[1]) * PAGE
 
 
-class Post:
+class Watch:
     """What this process knows about being watched.
 
     Args:
         heartbeat: that is read from outside; None: nobody watches.
-        limits: of the stack.
+        budget: of the stack, for one tick.
         ending: how the stack is known to fail in this episode; it is not asked that tick again.
-        may_roll_back: whether a copy of this process may take its place (see :mod:`.checkpoint`).
+        may_roll_back: whether a snapshot of this process may take its place, see :mod:`.snapshot`.
     """
 
     def __init__(
         self,
         heartbeat: Heartbeat | None = None,
-        limits: StackLimits | None = None,
+        budget: Budget | None = None,
         ending: StackFailure | None = None,
         *,
         may_roll_back: bool = False,
     ) -> None:
         self.heartbeat = heartbeat
         self.may_roll_back = may_roll_back
-        self.limits = limits or StackLimits()
+        self.budget = budget or Budget.of_stack(StackLimits())
         self.ending = ending
 
     def enter(self, tick: int, at: float) -> None:
@@ -154,25 +155,25 @@ class Post:
         """Take note that the stack has answered; give by how much it exceeds its memory [GiB]."""
         if self.heartbeat is None:
             return 0.0
-        return max(0.0, self.heartbeat.leave() / GIB - self.limits.memory)
+        return max(0.0, self.heartbeat.leave() / GIB - self.budget.memory)
 
 
-_posts = [Post()]  # the last one counts
+_watches = [Watch()]  # the last one counts
 
 
-def post() -> Post:
-    """Give the post of this process."""
-    return _posts[-1]
+def current_watch() -> Watch:
+    """Give the watch over this process."""
+    return _watches[-1]
 
 
 @contextmanager
-def at_post(taken: Post) -> Iterator[None]:
-    """Take up a post in this process."""
-    _posts.append(taken)
+def under(watch: Watch) -> Iterator[None]:
+    """Put this process under a watch."""
+    _watches.append(watch)
     try:
         yield
     finally:
-        _posts.pop()
+        _watches.pop()
 
 
 @functools.cache  # once in a process, and its copies
@@ -180,12 +181,12 @@ def listen_to_compiler() -> None:
     """Leave what numba compiles, which may take minutes, out of the stack's time and memory."""
 
     def begins() -> None:
-        heartbeat = post().heartbeat
+        heartbeat = current_watch().heartbeat
         if heartbeat is not None:
             heartbeat.compile_begins()
 
     def ends() -> None:
-        heartbeat = post().heartbeat
+        heartbeat = current_watch().heartbeat
         if heartbeat is not None:
             heartbeat.compile_ends()
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from mrta_falsify.core import process_clock
-from mrta_falsify.core.process_clock import (
+from mrta_falsify.process import usage
+from mrta_falsify.process.usage import (
     LONGEST,
     ProcessClock,
     WallClock,
@@ -122,12 +122,12 @@ def test_work_of_a_child_that_was_seen_and_has_ended_is_counted_no_second_time()
 def test_what_ends_without_being_waited_for_takes_nothing_back(monkeypatch):
     """Figures of a tree in which a child is gone, and its parent knows nothing of its work."""
 
-    def seen(number: int) -> process_clock.Process | None:
+    def seen(number: int) -> usage.Process | None:
         cpu = figures.get(number)
-        return cpu and process_clock.Process(number, 0, "R", 1, *cpu, 0.0)
+        return cpu and usage.Process(number, 0, "R", 1, *cpu, 0.0)
 
-    monkeypatch.setattr(process_clock, "descendants", lambda root: [2, 3])
-    monkeypatch.setattr(process_clock, "read_process", seen)
+    monkeypatch.setattr(usage, "descendants", lambda root: [2, 3])
+    monkeypatch.setattr(usage, "read_process", seen)
     clock = ProcessClock(1)
     figures = {1: (1.0, 0.0), 2: (2.0, 0.0)}
     assert clock.look() == 0.0
@@ -163,7 +163,7 @@ def test_a_thread_that_works_is_no_sleep():
 
 @pytest.mark.parametrize("is_blind", [True, False])
 def test_where_nobody_can_be_looked_at_wall_clock_time_counts(monkeypatch, is_blind):
-    monkeypatch.setattr(process_clock, "CAN_LOOK", not is_blind)
+    monkeypatch.setattr(usage, "CAN_LOOK", not is_blind)
     ended = subprocess.Popen(["true"])
     ended.wait()
     for clock in (ProcessClock(os.getpid() if is_blind else ended.pid), WallClock()):

@@ -1,8 +1,9 @@
-"""The keeper of a stack's process: a process that outlives neither the stack nor its owner.
+"""A program of somebody else: it outlives neither its owner nor what it was started for.
 
-A stack may start processes of its own, and may be killed, as may the process that asks it. The
-keeper is their parent, and adopts what they leave behind (``PR_SET_CHILD_SUBREAPER``). When its
-owner ends, or says so, it kills all of them. It reads what they print and keeps the last of it.
+A stack may start processes of its own, and may be killed, as may the process that asks it. So a
+*keeper* stands between: a fork of the owner that is the parent of the program, and adopts what
+that leaves behind (``PR_SET_CHILD_SUBREAPER``). When its owner ends, or says so, it kills all of
+them. It reads what they print and keeps the last of it.
 """
 
 from __future__ import annotations
@@ -19,14 +20,16 @@ import sys
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from typing import Any, NoReturn
+from types import FrameType
+from typing import Any, NamedTuple, NoReturn
 
-from mrta_falsify.core.interruption import signals_held
-from mrta_falsify.core.process_clock import children_of, descendants
-from simulator_interface.forking import PARENT_DEATH_SIGNAL
+from mrta_falsify.process.child import end_with, fork, send
+from mrta_falsify.process.usage import ENDED, children_of, descendants, read_process
 
 CHILD_SUBREAPER = 36  # of prctl(2), Linux
 TAIL = 1 << 14  # bytes of output that are kept
+LAST_LINES = 8  # of them
+LONGEST_LINE = 300  # characters
 PATIENCE = 5.0  # s that the keeper has for an answer
 GRACE = 0.2  # s between bye and the end by force
 AT_MOST = 60.0  # s in which what was killed ends, on however busy a machine
@@ -34,7 +37,19 @@ AT_MOST = 60.0  # s in which what was killed ends, on however busy a machine
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
-class Keeper:
+class ProgramState(NamedTuple):
+    """What a program does."""
+
+    code: int | None = None  #: exit code, or the negative of a signal; None: it runs
+    tail: str = ""  #: of its output
+
+    def lines(self) -> tuple[str, ...]:
+        """Give the last lines of its output."""
+        lines = (line.rstrip()[:LONGEST_LINE] for line in self.tail.splitlines())
+        return tuple(line for line in lines if line)[-LAST_LINES:]
+
+
+class Program:
     """Starts a program and keeps it; one object per process.
 
     Args:
@@ -42,6 +57,7 @@ class Keeper:
         folder: where it runs.
         environment: all of it.
         link: socket that the program inherits under the same number.
+        is_quiet: whether its output is kept; else it goes where that of this process goes.
     """
 
     def __init__(
@@ -49,41 +65,60 @@ class Keeper:
         command: Sequence[str],
         folder: str,
         environment: Mapping[str, str],
-        link: socket.socket,
+        link: socket.socket | None = None,
+        *,
+        is_quiet: bool = True,
     ) -> None:
         self._ours, theirs = socket.socketpair()
         self._ours.settimeout(PATIENCE)
-        self._owner = os.getpid()
-        sys.stdout.flush()
-        sys.stderr.flush()
-        with signals_held():
-            self.process = os.fork()  #: of the keeper, the parent of all that it keeps
-            if self.process == 0:
-                _keep(theirs, command, folder, environment, link)
+        owner = os.getpid()
+        keeper = fork(on_parents_end=signal.SIGTERM)
+        if keeper is None:
+            _keep(theirs, owner, command, folder, environment, link, is_quiet=is_quiet)
+        self._keeper = keeper
+        self.number = keeper.number  #: of the process that has started the program
+        self._owner = owner
         theirs.close()
+        self._begun: dict[str, Any] | None = None
 
-    def begun(self) -> str:
+    def error(self) -> str:
         """Wait until the program has begun; why it could not, empty: it could."""
-        return str(self._ask("begun").get("error", ""))
+        return str(self._beginning().get("error", ""))
 
-    def state(self) -> dict[str, Any]:
-        """Tell ``exit`` (code, None: it runs) and ``tail`` (of its output)."""
-        return self._ask("state")
+    def state(self) -> ProgramState | None:
+        """Tell what it does; None: somebody has killed its keeper, which ends it."""
+        answer = self._ask("state")
+        return ProgramState(answer.get("exit"), answer.get("tail", "")) if answer else None
+
+    def has_ended(self) -> bool:
+        """Say whether it has ended, which takes less than its state."""
+        process = read_process(self._beginning().get("program", 0))
+        return process is None or process.state in ENDED
 
     def kept(self) -> list[int]:
         """List the numbers of all processes that the program has started, itself among them."""
-        return descendants(self.process)
+        return descendants(self.number)
+
+    def ask_to_end(self) -> None:
+        """Send SIGTERM to the program, and to what it has started in its process group."""
+        if program := self._beginning().get("program"):
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(program, signal.SIGTERM)
 
     def close(self) -> None:
         """Kill all that the program has started; may be called twice, not by copies."""
-        if self.process < 0 or os.getpid() != self._owner:
+        if self._ours.fileno() < 0 or os.getpid() != self._owner:
             return
         with contextlib.suppress(OSError):  # the keeper has been killed
             self._ours.shutdown(socket.SHUT_RDWR)  # copies of this process may hold it open
         self._ours.close()
-        with contextlib.suppress(ChildProcessError):
-            os.waitpid(self.process, 0)
-        self.process = -1
+        self._keeper.code(wait=True)
+        self._keeper.kill()  # what it may have left if it was killed itself
+
+    def _beginning(self) -> dict[str, Any]:
+        if self._begun is None:
+            self._begun = self._ask("begun")
+        return self._begun
 
     def _ask(self, question: str) -> dict[str, Any]:
         try:
@@ -103,60 +138,80 @@ class Keeper:
 # --- in the keeper's process -----------------------------------------------------------------
 
 
+class _OwnerEnded(BaseException):
+    """The owner of this keeper has ended."""
+
+
 def _keep(
     control: socket.socket,
+    owner: int,
     command: Sequence[str],
     folder: str,
     environment: Mapping[str, str],
-    link: socket.socket,
+    link: socket.socket | None,
+    *,
+    is_quiet: bool,
 ) -> NoReturn:
     try:
-        os.setsid()  # Ctrl-C in the terminal is the owner's business
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        signal.set_wakeup_fd(-1)
-        signal.pthread_sigmask(signal.SIG_SETMASK, [])
-        _close_all_but(control.fileno(), link.fileno())
+        signal.signal(signal.SIGTERM, _on_owners_end)
+        _close_all_but(control.fileno(), *([] if link is None else [link.fileno()]))
         if _libc is not None:
             _libc.prctl(CHILD_SUBREAPER, 1)
-        _Kept(control, command, folder, environment, link).serve()
+        keeper = _Keeper(control)
+        try:
+            keeper.start(command, folder, environment, link, is_quiet=is_quiet)
+            keeper.serve()
+        except _OwnerEnded:
+            pass
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        keeper.end_all()
     except Exception:
         traceback.print_exc()
     finally:
         os._exit(0)
 
 
-class _Kept:
-    def __init__(
-        self,
-        control: socket.socket,
-        command: Sequence[str],
-        folder: str,
-        environment: Mapping[str, str],
-        link: socket.socket,
-    ) -> None:
+def _on_owners_end(number: int, frame: FrameType | None) -> NoReturn:
+    raise _OwnerEnded
+
+
+class _Keeper:
+    def __init__(self, control: socket.socket) -> None:
         self._control = control
         self._tail = b""
         self._error = ""
         self._program: subprocess.Popen[bytes] | None = None
-        os.set_inheritable(link.fileno(), True)
+
+    def start(
+        self,
+        command: Sequence[str],
+        folder: str,
+        environment: Mapping[str, str],
+        link: socket.socket | None,
+        *,
+        is_quiet: bool,
+    ) -> None:
+        """Start the program."""
+        keeper = os.getpid()
         try:
             self._program = subprocess.Popen(
                 command,
                 cwd=folder,
                 env=dict(environment),
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                pass_fds=(link.fileno(),),
-                preexec_fn=_die_with_parent,  # noqa: PLW1509 - this process has one thread
+                stdout=subprocess.PIPE if is_quiet else None,
+                stderr=subprocess.STDOUT if is_quiet else None,
+                pass_fds=() if link is None else (link.fileno(),),
+                process_group=0,
+                preexec_fn=lambda: end_with(keeper),  # noqa: PLW1509 - this process has one thread
             )
         except OSError as error:
-            self._error = f"{command[0]}: {error.strerror}"
-        link.close()
+            self._error = error.strerror or str(error)
+        if link is not None:
+            link.close()
 
     def serve(self) -> None:
-        """Answer the owner until it is gone; then leave nothing behind."""
+        """Answer the owner until it is gone."""
         output = self._program.stdout if self._program and self._program.stdout else None
         question = b""
         while True:
@@ -175,10 +230,11 @@ class _Kept:
                 if question.endswith(b"\n"):
                     self._answer(question.decode().strip(), output)
                     question = b""
-        self._end_all()
 
     def _answer(self, question: str, output: Any) -> None:
         answer: dict[str, Any] = {"error": self._error}
+        if self._program is not None:
+            answer["program"] = self._program.pid
         if question == "state" and self._program is not None:
             code = self._program.poll()
             if code is not None and output is not None:
@@ -196,7 +252,7 @@ class _Kept:
                 return
             self._tail = (self._tail + part)[-TAIL:]
 
-    def _end_all(self) -> None:
+    def end_all(self) -> None:
         """Kill all children, and adopt and kill theirs, until none is left."""
         if self._program is not None and self._program.poll() is None:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -204,19 +260,13 @@ class _Kept:
         until = time.monotonic() + AT_MOST
         while time.monotonic() < until:
             for child in children_of(os.getpid()):
-                with contextlib.suppress(ProcessLookupError, PermissionError):
-                    os.kill(child, signal.SIGKILL)
+                send(child, signal.SIGKILL)
             try:
                 while os.waitpid(-1, os.WNOHANG)[0]:
                     pass
             except ChildProcessError:  # /proc may leave one out while another one ends; this not
                 return
             time.sleep(0.002)
-
-
-def _die_with_parent() -> None:
-    if _libc is not None:
-        _libc.prctl(PARENT_DEATH_SIGNAL, signal.SIGKILL)
 
 
 def _close_all_but(*kept: int) -> None:

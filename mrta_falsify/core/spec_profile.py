@@ -1,0 +1,58 @@
+"""What the toolkit knows of a specification beside how it judges: one record on its class.
+
+Stored verdicts name their specification. So a class that others than its own run should know of is
+registered under the name that its verdicts have.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from mrta_falsify.core import registry
+from mrta_falsify.core.errors import ConfigError
+
+POINT = "specification"
+
+#: what a violation says. cause: what went wrong; standstill: what a robot that cannot move violates
+#: sooner or later; outcome: only that work was late, undone or dear
+Role = Literal["cause", "standstill", "outcome"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpecProfile:
+    """A specification as reports, searches and explanations see it."""
+
+    meaning: str  #: of a violation, as a clause: "two robots touched"
+    scale: float = 1.0  #: robustness that counts as comfortably safe, in its unit
+    role: Role = "cause"
+    #: order among violations that begin at the same instant, smaller ones first; one of the user's
+    #: own leads
+    tie: int = -1
+    #: whose violation by the same objects is the same event, and is told in place of this one
+    part_of: str = ""
+    layer: str = ""  #: whose task it is to prevent a violation, where that is always the same
+    #: options while it judges perturbed runs: these are the vote on a failure, so that none votes
+    #: on them, and only whether one fails counts
+    in_votes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@functools.lru_cache(maxsize=256)
+def profile_of(spec: str) -> SpecProfile:
+    """Give the profile of a specification by the name in its verdicts.
+
+    Args:
+        spec: a registered name. Of any other name (a formula, a class that is not installed) only
+            that it is violated can be said.
+    """
+    unknown = SpecProfile(meaning=f"{spec} is violated")
+    if spec not in registry.names(POINT):
+        return unknown
+    try:
+        component = registry.load(POINT, spec)
+    except ConfigError:  # of a package that is broken
+        return unknown
+    found: SpecProfile = getattr(component, "profile", unknown)
+    return found

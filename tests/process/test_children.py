@@ -1,0 +1,205 @@
+"""Children: what a job returns in each mode, and what is left of them, which is nothing."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from mrta_falsify.core.errors import ConfigError, HarnessError
+from mrta_falsify.process.budget import Budget, credit
+from mrta_falsify.process.child import fork
+from mrta_falsify.process.ending import Ending
+from mrta_falsify.process.pool import Pool
+from mrta_falsify.process.program import Program
+from mrta_falsify.process.supervisor import Command, run_supervised
+from mrta_falsify.process.watch import current_watch
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
+
+SOON = 30.0  # s
+
+
+def ends(number: int) -> bool:
+    """Whether a process ends soon."""
+    until = time.monotonic() + SOON
+    while time.monotonic() < until:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            if psutil.Process(number).status() != psutil.STATUS_ZOMBIE:
+                time.sleep(0.01)
+                continue
+        return True
+    return False
+
+
+def python(text: str) -> Command:
+    return Command([sys.executable, "-S", "-c", text], os.environ)
+
+
+# --- modes ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["inline", "fork", "spawn"])
+def test_a_job_returns_its_value_in_every_mode(mode):
+    found = run_supervised(os.getpid, mode)
+    assert (found == os.getpid()) == (mode == "inline")
+
+
+def refuse():
+    raise ConfigError("stack.planner is 7")
+
+
+@pytest.mark.parametrize("mode", ["inline", "fork", "spawn"])
+def test_what_a_job_raises_is_raised_here(mode):
+    with pytest.raises(ConfigError, match="planner is 7"):
+        run_supervised(refuse, mode)
+
+
+def test_a_command_gives_its_exit_code_and_what_it_printed():
+    done = run_supervised(python("print('out'); raise SystemExit(3)"), "exec")
+    assert (done.code, done.text) == (3, "out\n")
+
+
+def test_a_command_that_does_not_end_is_ended():
+    with pytest.raises(Ending) as ended:
+        run_supervised(python("import time; time.sleep(60)"), "exec", Budget(work=0.2))
+    assert (ended.value.kind, str(ended.value)) == ("hang", "the stack did not end within 0.2 s")
+
+
+def test_a_command_that_is_none_is_an_error():
+    with pytest.raises(HarnessError, match="no-such-program: cannot be started: No such file"):
+        run_supervised(Command(["no-such-program"], {}), "exec")
+
+
+# --- what is left ----------------------------------------------------------------------------
+
+
+def leave_children(file: Path) -> None:
+    """Start one process as usual and one in a session of its own; note their numbers."""
+    words = [sys.executable, "-S", "-c", "import time; time.sleep(600)"]
+    children = [subprocess.Popen(words), subprocess.Popen(words, start_new_session=True)]
+    file.write_text(" ".join(str(child.pid) for child in children))
+
+
+def left_by(file: Path) -> list[int]:
+    return [number for number in map(int, file.read_text().split()) if not ends(number)]
+
+
+def test_a_stack_that_ends_its_process_leaves_no_children(tmp_path):
+    def crash():
+        current_watch().enter(3, 0.15)
+        leave_children(tmp_path / "numbers")
+        time.sleep(0.3)  # somebody looks at them
+        os._exit(7)
+
+    with pytest.raises(Ending, match="ended its process by exit code 7"):
+        run_supervised(crash)
+    assert left_by(tmp_path / "numbers") == []
+
+
+def test_a_fork_that_has_answered_leaves_no_children(tmp_path):
+    run_supervised(lambda: leave_children(tmp_path / "numbers"))
+    assert left_by(tmp_path / "numbers") == []
+
+
+def opened():
+    return leave_and_die
+
+
+def leave_and_die(file):
+    leave_children(file)
+    time.sleep(0.6)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_worker_that_is_killed_leaves_no_children(tmp_path):
+    with Pool(opened) as pool:
+        pool.submit("a", tmp_path / "numbers")
+        done = []
+        while not done:
+            done = pool.collect(0.05)
+    assert done[0].key == "a"
+    assert done[0].outcome.text == "ended by signal 9"
+    assert left_by(tmp_path / "numbers") == []
+
+
+def test_a_program_ends_with_its_owner_and_so_does_what_it_has_started(tmp_path):
+    """The owner is killed while another process holds its connection to the keeper."""
+    numbers = tmp_path / "numbers"
+    text = f"""
+import os, subprocess, time
+child = subprocess.Popen(["sleep", "600"], start_new_session=True)
+open({str(numbers)!r}, "w").write(f"{{os.getpid()}} {{child.pid}}\\n")
+time.sleep(600)
+"""
+    words, environment, folder = python(text)
+    owner = fork()
+    if owner is None:
+        program = Program(words, folder, environment)
+        program.error()
+        holder = os.fork()
+        signal.pause()
+        os._exit(holder)
+    until = time.monotonic() + SOON
+    while not (numbers.exists() and numbers.read_text().endswith("\n")):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    family = psutil.Process(owner.number).children()
+    os.kill(owner.number, signal.SIGKILL)
+    try:
+        assert left_by(numbers) == []
+    finally:
+        owner.kill()
+        for process in family:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
+
+
+# --- the budget of a pool ----------------------------------------------------------------------
+
+
+def sleeper():
+    return sleep
+
+
+def sleep(seconds):
+    for each in seconds:
+        time.sleep(each)
+        credit()
+    return len(seconds)
+
+
+def fates(jobs):
+    with Pool(sleeper, workers=2, budget=Budget(work=0.6), recycle=1) as pool:
+        for key, job in jobs.items():
+            pool.submit(key, job)
+        found = {}
+        while len(found) < len(jobs):
+            found |= {done.key: done.outcome for done in pool.collect(0.05)}
+    return found
+
+
+def test_credit_begins_a_budget_again():
+    found = fates({"credited": [0.4, 0.4, 0.4], "late": [30.0]})
+    assert found["credited"].value == 3
+    assert found["late"].text == "killed after 0.6 s of work and sleep"
+
+
+def test_results_come_in_the_order_of_the_jobs():
+    with Pool(sleeper, workers=2) as pool:
+        jobs = [[0.3], [], [0.01, 0.01]]
+        assert list(pool.map(jobs)) == [1, 0, 2]
+        assert sorted(pool.unordered(jobs)) == [(0, 1), (1, 0), (2, 2)]
+
+
+def test_a_result_that_cannot_be_sent_is_an_error_of_the_harness():
+    with pytest.raises(HarnessError, match="lambda"):
+        run_supervised(functools.partial(eval, "lambda: 0"), "spawn")
