@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.protocols import Comparing, Costs, Specification
+from mrta_falsify.core.run_result import Rank
 from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict, unjudged
@@ -85,6 +86,19 @@ class Judged:
     def is_primary(self) -> bool:
         """Whether a specification is violated that is looked for first."""
         return bool(primary(self.verdicts, self.then))
+
+    @property
+    def rank(self) -> Rank:
+        """What its failure counts for."""
+        if not self.failed:
+            return "none"
+        return "primary" if self.is_primary else "secondary"
+
+    @property
+    def status(self) -> Literal["judged", "not_judged"]:
+        """Not judged if nothing is violated, and a specification could not be judged."""
+        unjudged = not self.failed and any(verdict.not_judged for verdict in self.verdicts)
+        return "not_judged" if unjudged else "judged"
 
     @property
     def is_shut(self) -> bool:

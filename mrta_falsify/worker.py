@@ -18,22 +18,25 @@ import numpy as np
 
 from mrta_falsify.campaigns.runner import point_digest
 from mrta_falsify.campaigns.settings import CONFIRMING_RUNS, TrialSettings
-from mrta_falsify.campaigns.signature import signature, signature_before
-from mrta_falsify.campaigns.statistics import failure_probability
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.durable import make_folder, naming, place_error_in
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import (
     EngineRun,
+    Origin,
     OtherRun,
     PerturbedRuns,
     Repeats,
+    SearchData,
     TrialRecord,
     versions,
 )
+from mrta_falsify.core.run_result import RunResult, Vote
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
@@ -122,9 +125,7 @@ class TrialRunner:
         )
         record = TrialRecord(
             candidate=proposed,
-            status="rejected",
-            proposal_digest=point_digest(u),
-            versions=versions(),
+            origin=Origin(proposal=point_digest(u), versions=versions()),
         )
         try:
             realised = self._program.realise(proposed, mode=settings.mode)
@@ -132,25 +133,29 @@ class TrialRunner:
             if place := place_error_in(error):
                 raise place from error  # it tells of the disk, not of the scene
             spent = time.perf_counter() - began
-            return dataclasses.replace(record, error=str(error), scene_s=spent)
-        record = dataclasses.replace(
-            record,
-            candidate=realised.candidate,
-            values=self._program.values_of(realised.candidate),
-            world_digest=realised.world.digest(),
-            attempts=realised.attempts,
-            scene_s=time.perf_counter() - began,
-        )
+            origin = dataclasses.replace(record.origin, scene_s=spent)
+            return dataclasses.replace(record, origin=origin, error=str(error))
+        spent = time.perf_counter() - began
         possible = look_at(realised.world, specifications_of(settings))
-        record = dataclasses.replace(record, shut=possible.shut, notes=possible.notes)
+        origin = dataclasses.replace(
+            record.origin,
+            values=self._program.values_of(realised.candidate),
+            world=realised.world.digest(),
+            attempts=realised.attempts,
+            scene_s=spent,
+            shut=possible.shut,
+            notes=possible.notes,
+        )
+        record = dataclasses.replace(record, candidate=realised.candidate, origin=origin)
         if possible.late or (possible.shut and not settings.with_shut_rooms):
-            return dataclasses.replace(record, status="impossible", error=possible.reason)
+            result = RunResult(status="impossible")
+            return dataclasses.replace(record, result=result, error=possible.reason)
         return self._simulate(realised.world, record, realised.scene)
 
     def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:
         settings = self._settings
         began = time.perf_counter()
-        config, screening = settings.stack, None
+        config = settings.stack
         if settings.screen:
             quick = self._judge(world, on_kinematic_engine(config), scene)
             if not quick.failed:
@@ -158,20 +163,16 @@ class TrialRunner:
                     world, record, quick, on_kinematic_engine(config).engine.name, began
                 )
             screening = engine_run(on_kinematic_engine(config).engine.name, quick, failed=True)
+            origin = dataclasses.replace(record.origin, screening=screening)
+            record = dataclasses.replace(record, origin=origin)
         judged = self._judge(world, config, scene)
         comparison = self._vote(world, config, scene, judged)
         repeated = self._repeat(world, config, scene, judged) if judged.failed else None
         other = self._keep_other(world, record, comparison)
-        record = dataclasses.replace(
-            record,
-            screening=screening,
-            jittered=comparison.jittered,
-            other=other,
-            repeated=repeated,
-        )
+        record = dataclasses.replace(record, other=other, repeats=repeated)
         if judged.is_primary and (comparison.jittered is None or comparison.jittered.robust):
             confirmed = self._confirm(world, config, scene, judged)
-            record = dataclasses.replace(record, confirmed=confirmed)
+            record = dataclasses.replace(record, engines={run.engine: run for run in confirmed})
         return self._finish(world, record, judged, config.engine.name, began, comparison)
 
     def _confirm(
@@ -256,30 +257,34 @@ class TrialRunner:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0
         trace_file = self._write(world, outcome, record.number) if keep else ""
-        return dataclasses.replace(
-            record,
-            status="ok",
+        copies = comparison.jittered
+        result = RunResult(
+            status=judged.status,
             verdicts=judged.verdicts,
-            objectives=judged.margins,
-            descriptors=judged.descriptors,
-            situations=judged.situations,
-            blamed=blamed(judged),
-            is_afterthought=judged.failed and not judged.is_primary and not judged.is_shut,
-            is_shut=judged.is_shut,
-            score=trial_score(judged, comparison),
+            margins=judged.margins,
             signature=signature(judged.verdicts),
-            signature_before=signature_before(judged.verdicts),
+            rank=judged.rank,
+            ended=outcome.ended,
+            trace=outcome.trace.digest,
+            sim_time=outcome.sim_time,
+            wall_s=time.perf_counter() - began,
+            engine=engine,
             layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
             if judged.failed
             else "",
             trace_file=trace_file,
-            trace_digest=outcome.trace.digest,
-            engine=engine,
-            ended=outcome.ended,
             coupling=outcome.coupling,
-            sim_time=outcome.sim_time,
-            wall_s=time.perf_counter() - began,
         )
+        search = SearchData(
+            score=trial_score(judged, comparison),
+            descriptors=judged.descriptors,
+            situations=judged.situations,
+            blamed=blamed(judged),
+            expected=copies.objectives if copies is not None else {},
+            noise=copies.noise if copies is not None else {},
+        )
+        vote = voted(copies)
+        return dataclasses.replace(record, result=result, vote=vote, search=search)
 
     def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
         return self._files.write(world, outcome, number, beside) if self._files else ""
@@ -355,8 +360,13 @@ def engine_run(
         trace_digest=judged.outcome.trace.digest,
         sim_time=judged.outcome.sim_time,
         wall_s=judged.outcome.wall_s,
-        jittered=jittered,
+        vote=voted(jittered),
     )
+
+
+def voted(copies: PerturbedRuns | None) -> Vote | None:
+    """Count perturbed runs as a vote; None: none were run."""
+    return None if copies is None else Vote(runs=copies.runs, failed=copies.failed)
 
 
 def blamed(judged: Judged) -> tuple[str, ...]:

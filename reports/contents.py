@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -175,6 +175,8 @@ class ReportContents:
     tables: tuple[Table, ...] = ()  #: further tables
     images: tuple[EmbeddedImage, ...] = ()  #: pictures and animations
     refresh: int = 0  #: after how many seconds an open page loads itself again; 0: never
+    beside: dict[str, str] = field(default_factory=dict)  #: pages of further cases, by trial
+    whole: str = ""  #: page of the campaign, where this is the page of one of its cases
 
     @property
     def unjudged(self) -> bool:

@@ -27,29 +27,43 @@ MAX_SLICES = 4  # parameters plotted one by one
 MAX_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
 
 
-def write_page(report: ReportContents, path: Path, *, most_bytes: int = MAX_BYTES) -> None:
+def write_page(
+    report: ReportContents, path: Path, *, drawn: Mapping[str, DrawnCase] | None = None
+) -> None:
     """Write the page.
 
     Args:
         report: what it says.
         path: the HTML file.
-        most_bytes: see :func:`render_page`.
+        drawn: see :func:`render_page`.
 
     Raises:
         PlaceError: the file cannot be written.
     """
-    write_atomically(path, render_page(report, most_bytes=most_bytes).encode())
+    write_atomically(path, render_page(report, drawn=drawn).encode())
 
 
-def render_page(report: ReportContents, *, most_bytes: int = MAX_BYTES) -> str:
+def draw_cases(report: ReportContents, *, most_bytes: int = MAX_BYTES) -> dict[str, DrawnCase]:
+    """Draw as many cases as the page has room for, by id.
+
+    Args:
+        report: what the page says.
+        most_bytes: size of all cases and the table of trials together.
+    """
+    table = pack_trials(report.table) if report.table is not None else ""
+    return _draw_cases(_by_urgency(report), most_bytes - len(table))
+
+
+def render_page(report: ReportContents, *, drawn: Mapping[str, DrawnCase] | None = None) -> str:
     """Render the page as HTML text.
 
     Args:
         report: what it says.
-        most_bytes: size of all cases together; the page only counts those that do not fit.
+        drawn: the cases that it shows, as of :func:`draw_cases`; it only counts the others. None:
+            those that there is room for.
     """
     table = pack_trials(report.table) if report.table is not None else ""
-    drawn = _draw_cases(_by_urgency(report), most_bytes - len(table))
+    drawn = draw_cases(report) if drawn is None else drawn
     trials, floor = report.trials, report.floor
     return template("page.html").render(
         report=report,

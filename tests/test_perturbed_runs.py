@@ -11,13 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrta_falsify.campaigns.runner import feedback_of
-from mrta_falsify.campaigns.statistics import chance_in_vote, failure_probability
-from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.campaigns.statistics import chance_in_vote
 from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.perturbed_runs import expected_margin, judged_by_vote, trial_score
 from mrta_falsify.specs.objectives import differing
+from mrta_falsify.testing.records import trial_record
+from mrta_falsify.worker import voted
 
 COPIES = 4
 
@@ -59,14 +61,16 @@ class Stack:
 
 
 def record_of(said: Any, judged: Any) -> TrialRecord:
-    return TrialRecord(
-        candidate=Candidate(number=0, u=np.zeros(1)),
-        status="ok",
+    copies = said.jittered
+    return trial_record(
+        0,
+        np.zeros(1),
         verdicts=judged.verdicts,
-        objectives=judged.margins,
+        margins=judged.margins,
         score=trial_score(judged, said),
+        expected=copies.objectives if copies else {},
         signature="no_deadlock",
-        jittered=said.jittered,
+        vote=voted(copies),
         other=said.other,
     )
 
@@ -125,7 +129,7 @@ def test_a_failure_of_both_stacks_is_told_as_a_world_that_passes(hall):
     record, _ = compared(hall, (), (-0.25,))
     told = feedback_of(record, Cube(dimensions=1))
     assert record.failed
-    assert record.fails_on_both
+    assert (record.rank, record.result.rank) == ("none", "primary")
     assert not record.is_primary
     assert not told.failed
     assert told.signature == ""

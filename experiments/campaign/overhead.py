@@ -26,7 +26,8 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import Feedback
 from mrta_falsify.core.protocols import Sampler
-from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.record import Origin, SearchData, TrialRecord, versions
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.verdict import Verdict
 from tests.campaigns.standin import settings
@@ -101,17 +102,18 @@ def record_of(number: int) -> TrialRecord:
         Verdict(spec=name, robustness=0.5, violated=False, evidence={"minimum_at": 12.5})
         for name in SPECIFICATIONS
     )
+    result = RunResult(
+        status="judged",
+        verdicts=verdicts,
+        margins=dict.fromkeys(SPECIFICATIONS, 0.5),
+        trace="0" * 64,
+        sim_time=120.0,
+    )
     return TrialRecord(
         candidate=Candidate(number=number, u=u, seed=number),
-        status="ok",
-        proposal_digest=point_digest(u),
-        world_digest="0" * 64,
-        verdicts=verdicts,
-        objectives=dict.fromkeys(SPECIFICATIONS, 0.5),
-        descriptors={"x": 0.1, "y": 0.2, "robots": 0.0, "cause": 0.0},
-        trace_digest="0" * 64,
-        sim_time=120.0,
-        versions=versions(),
+        origin=Origin(proposal=point_digest(u), world="0" * 64, versions=versions()),
+        result=result,
+        search=SearchData(descriptors={"x": 0.1, "y": 0.2, "robots": 0.0, "cause": 0.0}),
     )
 
 

@@ -58,7 +58,7 @@ def one_run(
                 on_record=on_record,
             )
     wall = times[-1] - times[warm_up - 1]
-    computed = sum(r.wall_s + r.scene_s for r in result.campaign.records)
+    computed = sum(r.wall_s + r.origin.scene_s for r in result.campaign.records)
     return {
         "workers": workers,
         "trials": len(times) - warm_up,

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.falsification.pairs import Pair
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.campaigns.settings import Limits
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
@@ -96,7 +96,7 @@ def pool_of(name: str, records: Sequence[TrialRecord]) -> Pool:
         by={spec: specs.count(spec) for spec in sorted(set(specs))},
         best=round(min(record.score for record in judged), 4),
         sim_s=round(statistics.median(record.sim_time for record in judged), 1),
-        wall_s=round(statistics.median(r.scene_s + r.wall_s for r in judged), 2),
+        wall_s=round(statistics.median(r.origin.scene_s + r.wall_s for r in judged), 2),
     )
 
 

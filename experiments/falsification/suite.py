@@ -92,7 +92,7 @@ def in_physics(pair: Pair, campaign: Campaign, record: TrialRecord) -> dict[str,
         then=then,
     )
     judged = judge(job, keep_trace=False)
-    copies = record.jittered
+    copies = record.vote
     return {
         "id": record.id,
         "jittered": [copies.failed, copies.runs] if copies is not None else None,

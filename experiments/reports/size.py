@@ -32,6 +32,7 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs import explain as explaining
 from mrta_falsify.verbs import minimize as minimising
 from mrta_falsify.verbs import report as reporting
@@ -93,12 +94,12 @@ def multiply(
 def _copy(source: TrialRecord, number: int, modes: int) -> TrialRecord:
     descriptors = {
         name: float(np.clip(value + 0.3 * np.sin(number + i), 0.0, 1.0))
-        for i, (name, value) in enumerate(sorted(source.descriptors.items()))
+        for i, (name, value) in enumerate(sorted(source.search.descriptors.items()))
     }
     signature = source.signature
     if signature and modes > 1:
         signature = f"{signature}/mode {number * number % modes}"
-    return dataclasses.replace(
+    return changed(
         source,
         candidate=dataclasses.replace(source.candidate, number=number),
         signature=signature,

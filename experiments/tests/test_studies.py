@@ -8,6 +8,7 @@ import pytest
 
 from experiments.reports import minimising
 from experiments.reports.stored_failures import append_row, parse_part, rows_of, stored_failures
+from mrta_falsify.testing.records import trial_record
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.errors import InputError
@@ -59,11 +60,8 @@ def campaigns(tmp_path, make_record):
 @pytest.fixture
 def make_record():
     def make(number: int, signature: str) -> TrialRecord:
-        return TrialRecord(
-            candidate=Candidate(number=number, u=[0.0]),
-            status="ok",
-            signature=signature,
-            verdicts=(LATE,) if signature else (),
+        return trial_record(
+            number, [0.0], signature=signature, verdicts=(LATE,) if signature else ()
         )
 
     return make

@@ -23,8 +23,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from mrta_falsify.core.probability import blaker_interval
 from mrta_falsify.campaigns.signature import signature
-from mrta_falsify.campaigns.statistics import blaker_interval
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.world import World

@@ -30,7 +30,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon, box
 
-from mrta_falsify.campaigns.statistics import blaker_interval
+from mrta_falsify.core.probability import blaker_interval
 from mrta_falsify.core.arrays import Array, frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError

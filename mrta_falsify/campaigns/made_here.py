@@ -22,10 +22,16 @@ from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.user_state import secret_key
 
-SETTINGS, SEAL = "campaign.json", "seal.json"
+SETTINGS, SEAL, RECORDS = "campaign.json", "seal.json", "records.jsonl"
+OLD_RECORDS = "records.{}.jsonl"  # of an older format, by its number
+INDEX = "records.index"
 #: what a campaign reads and writes in its folder
-OWN = (SETTINGS, SEAL, "records.jsonl", "lock", "trials", "bisect.worktrees")
+OWN = (
+    *(SETTINGS, SEAL, RECORDS, *map(OLD_RECORDS.format, (1, 2)), INDEX),
+    *("lock", "trials", "bisect.worktrees"),
+)
 OWN_ENDINGS = (".journal.jsonl", ".part")
+SEALED_AS = (3, 2)  #: formats that settings had when they were sealed; one may have changed since
 CHANGING = ("budget", "time_limit")  #: settings that may change when a campaign is resumed
 
 _followed: set[Path] = set()  # folders whose files may lie elsewhere
@@ -91,7 +97,8 @@ def _sealed_places(directory: Path) -> dict[str, Any] | None:
     try:
         seal, settings = (codec.read_json(directory / name) for name in (SEAL, SETTINGS))
         mac, places = seal["mac"], dict(seal["places"])
-        is_ours = hmac.compare_digest(str(mac).encode(), _mac(key, settings, places).encode())
+        macs = [_mac(key, {**settings, "version": v}, places) for v in SEALED_AS]
+        is_ours = any(hmac.compare_digest(str(mac).encode(), own.encode()) for own in macs)
     except (InputError, KeyError, TypeError, ValueError):
         return None
     return places if is_ours else None

@@ -16,13 +16,12 @@ import numpy as np
 from mrta_falsify.campaigns.foreign import of_choice
 from mrta_falsify.campaigns.runner import build_sampler, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.feedback import Estimates
-from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.probability import Probability, failure_probability
 from mrta_falsify.core.protocols import Sampler
 
 FEWEST = 4  # estimates that an interval can be made of

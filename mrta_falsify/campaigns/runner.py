@@ -132,27 +132,28 @@ def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> 
         number=record.number,
         u=record.candidate.u,
         fate="judged" if judged else "rejected",
-        score=record.score if record.jittered is None else ROBUST_SHARE + record.score,
+        score=record.score if record.vote is None else ROBUST_SHARE + record.score,
         objectives={n: told for n, told in _margins_of(record).items() if n not in last},
-        descriptors=record.descriptors,
+        descriptors=record.search.descriptors,
         failed=record.is_primary,
         signature=_kind(record) if record.is_primary else "",
         mode=record.signature if record.is_primary else "",
-        blamed=cube.blocks_of(record.blamed),
+        blamed=cube.blocks_of(record.search.blamed),
     )
 
 
 def _margins_of(record: TrialRecord) -> dict[str, float]:
-    if record.jittered is not None:
-        return record.jittered.objectives
+    if record.vote is not None:
+        return record.search.expected
+    margins = record.result.margins if record.result is not None else {}
     other = record.other
     if other is None:
-        return record.objectives
-    return {name: differing(margin, other.score) for name, margin in record.objectives.items()}
+        return margins
+    return {name: differing(margin, other.score) for name, margin in margins.items()}
 
 
 def _kind(record: TrialRecord) -> str:
-    copies = record.jittered
+    copies = record.vote
     if copies is None or record.is_robust:
         return record.signature
     if copies.robust and record.other is not None and record.other.jittered is not None:
@@ -261,7 +262,7 @@ class _Loop:
             self._tell(record)
             if progress.has_enough:
                 return "stop-after"
-            if record.uniform and progress.is_saturated:
+            if record.origin.uniform and progress.is_saturated:
                 return "saturated"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
                 none = "scene" if record.status == "rejected" else "world that can be done"
@@ -310,7 +311,7 @@ class _Loop:
     def _compare(self, proposal: Proposal) -> None:
         """Refuse a stored trial that was asked for at another point; nothing was written yet."""
         stored = self._store.finished.get(proposal.number)
-        if stored is not None and stored.proposal_digest != point_digest(proposal.u):
+        if stored is not None and stored.origin.proposal != point_digest(proposal.u):
             raise StoreError(
                 f"{self._store.directory}: trial {stored.id} was asked for at another point than "
                 "these settings and this version ask for, so the campaign cannot go on; it can "
@@ -330,7 +331,8 @@ class _Loop:
             self._executor.submit({"number": number, "u": self._proposals[number].tolist()})
             return
         record = decode_record(finished.record, where=f"trial {number}")
-        record = dataclasses.replace(record, uniform=number in self._uniform)
+        origin = dataclasses.replace(record.origin, uniform=number in self._uniform)
+        record = dataclasses.replace(record, origin=origin)
         self._store.add(record)
         self._on_record(record, True)
 

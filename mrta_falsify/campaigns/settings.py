@@ -18,7 +18,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.stack_failure import MEMORY_LIMIT, TICK_LIMIT, StackLimits
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 MAX_TRIALS = 10_000_000  # of a campaign that the clock ends
 CONFIRMING_RUNS = 4  # of a failure on another engine, where the campaign asks for none
 MAX_PERTURBED_RUNS = 100  # copies of one failing world

@@ -13,13 +13,12 @@ from dataclasses import dataclass, field
 
 from mrta_falsify.campaigns.saturation import Saturation, Unseen
 from mrta_falsify.campaigns.settings import CampaignSettings
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.claims import KINDS
 from mrta_falsify.core.codec import later
-from mrta_falsify.core.probability import Probability
+from mrta_falsify.core.probability import Probability, failure_probability
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.tight_ways import TightCount, TightWay, counted
-from mrta_falsify.specs.causes import DEADLOCK, kind_of, leading
+from mrta_falsify.specs.causes import DEADLOCK, group_of, kind_of, leading
 
 OTHER = "other"  #: kind of the failures that are neither deadlock nor stuck nor shut
 
@@ -123,7 +122,7 @@ class _ModeCount:
             cause = leading(record.verdicts)
             is_claim = cause is not None and cause.spec == DEADLOCK
             self.kind = kind_of(record.verdicts) if is_claim else ""
-            self.is_afterthought = record.is_afterthought
+            self.is_afterthought = group_of(record.result) == "secondary"
         self.primary += record.is_primary
         (self.robust if record.is_robust else self.others).append(record.id)
 
@@ -143,7 +142,7 @@ class CampaignStats:
     robust: int = 0  #: of the failures, those that count for ``stop_after``
     primary: int = 0  #: of the failures, those in what is looked for first
     afterthoughts: int = 0  #: of the failures, those only in what is looked for last
-    #: of the other failures, by kind: deadlock, stuck, shut (by the world), and other
+    #: of the other failures, by ``group_of``: deadlock, stuck, shut (by the world), and other
     kinds: dict[str, int] = field(default_factory=lambda: dict.fromkeys((*KINDS, OTHER), 0))
     #: the same of those failures that the other stack does not share, where there is one
     reported_kinds: dict[str, int] = field(
@@ -174,11 +173,11 @@ class CampaignStats:
     def take(self, record: TrialRecord) -> None:
         """Count a record."""
         self.records += 1
-        self.computed_s += record.scene_s + record.wall_s
-        self.accepted += record.attempts > 0
-        self.accepted_at_once += record.attempts == 1
-        if record.shut:
-            self._shut.append(record.shut)
+        self.computed_s += record.origin.scene_s + record.wall_s
+        self.accepted += record.origin.attempts > 0
+        self.accepted_at_once += record.origin.attempts == 1
+        if record.origin.shut:
+            self._shut.append(record.origin.shut)
         if is_uniform(record, self.settings):
             self.uniform.take(record)
         if not record.was_run:
@@ -200,9 +199,9 @@ class CampaignStats:
     def _take_judged(self, record: TrialRecord) -> None:
         self.judged += 1
         self.best = min(self.best, record.score)
-        if record.uniform:
-            self.saturation.take(record.situations)
-        if record.screening is not None:
+        if record.origin.uniform:
+            self.saturation.take(record.search.situations)
+        if record.origin.screening is not None:
             self._screened[record.failed] += 1
         for verdict in record.verdicts:
             if verdict.violated:
@@ -217,12 +216,12 @@ class CampaignStats:
         self.failed += 1
         self.primary += record.is_primary
         self.robust += record.is_robust
-        self.on_both += record.fails_on_both
-        self.afterthoughts += record.is_afterthought
-        if not record.is_afterthought:
-            kind = kind_of(record.verdicts) or OTHER
-            self.kinds[kind] += 1
-            self.reported_kinds[kind] += record.is_reported
+        is_reported, group = record.rank != "none", group_of(record.result)
+        self.on_both += record.other is not None and record.other.fate == "fails"
+        self.afterthoughts += group == "secondary"
+        if group != "secondary":
+            self.kinds[group] += 1
+            self.reported_kinds[group] += is_reported
         now = FirstFailure(self.ran, self.judged, self.computed_s)
         if record.is_primary and self.first_primary is None:
             self.first_primary = now
@@ -230,12 +229,12 @@ class CampaignStats:
             self.first_robust = now
         if self.own_failures and self.first_own_failure is None:
             self.first_own_failure = record.id
-        if record.is_reported:
+        if is_reported:
             self._modes.setdefault(record.signature, _ModeCount()).take(record)
-        for run in record.confirmed:
-            self._engines.setdefault(run.engine, Counter())[run.fails] += 1
-        if record.repeated is not None:
-            same, runs = record.repeated.same.failures, record.repeated.runs
+        for name, run in record.engines.items():
+            self._engines.setdefault(name, Counter())[run.total.robust] += 1
+        if record.repeats is not None:
+            same, runs = record.repeats.same.failures, record.repeats.runs
             self._repeats["always" if same == runs else "sometimes" if same else "never"] += 1
         if record.other is not None:
             passes = "found" if record.is_robust else "knife_edges"
@@ -344,7 +343,7 @@ def draws_evenly(settings: CampaignSettings) -> bool:
 
 def is_uniform(record: TrialRecord, settings: CampaignSettings) -> bool:
     """Whether a trial was drawn evenly, whatever had been found."""
-    return record.uniform or draws_evenly(settings)
+    return record.origin.uniform or draws_evenly(settings)
 
 
 def _count(counts: dict[str, int], name: str) -> None:

@@ -6,6 +6,7 @@
     records.jsonl        one line per finished trial: checksum, tab, JSON of a TrialRecord
     seal.json            says that this user has made it (see :mod:`.made_here`)
     lock                 held (flock) by the one owner; says who
+    records.2.jsonl      the log as version 2 left it, where such a campaign was resumed
     trials/0042/         world.json and trace.zip of trials worth keeping
     trials/0042/other/   the same of the other stack, where two are compared
 
@@ -18,24 +19,27 @@ adds nothing to a log that somebody else has changed or removed.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import fcntl
 import hashlib
 import json
 import os
 import shlex
+import shutil
 import socket
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrta_falsify.campaigns import made_here
 from mrta_falsify.campaigns.foreign import sealed_places
+from mrta_falsify.campaigns.record_formats import is_flat, migrated
 from mrta_falsify.campaigns.rules import why_no_resume
-from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
+from mrta_falsify.campaigns.settings import DEFAULTS, FORMAT_VERSION, CampaignSettings
 from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import DimensionValue
@@ -44,22 +48,28 @@ from mrta_falsify.core.durable import (
     make_folder,
     naming,
     place_error,
+    replacing,
     sync_directory,
     write_atomically,
 )
 from mrta_falsify.core.errors import FormatError, InputError, InputNote, PlaceError
 from mrta_falsify.core.parsing import parse_json, refuse_pipe
-from mrta_falsify.core.record import OtherRun, TrialRecord
+from mrta_falsify.core.record import OtherRun, SearchData, TrialRecord
+from mrta_falsify.core.run_result import Rank, Vote
+from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.causes import kind_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SETTINGS, RECORDS = made_here.SETTINGS, "records.jsonl"
+SETTINGS, RECORDS = made_here.SETTINGS, made_here.RECORDS
+NEW_RECORDS = f"{RECORDS}.part"  # the log while it is written in today's format
+OLD_RECORDS = made_here.OLD_RECORDS  # the log as an older version left it, by its format
 LOCK, TRIALS = "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
 OTHER = "other"  # folder of the other stack's run, in that of its trial
 MAX_DIGITS = 18  # of a trial's id
+OLD_TARGET = "mrta_falsify.trial:open_trials"  # what workers open, in version 1
 INTERRUPTED = "interrupted"  # why a run ended that older versions stored: it is no answer
 
 
@@ -81,14 +91,12 @@ class Campaign:
         Raises:
             StoreError: no such trial.
         """
-        name = str(name)
-        is_number = name.isascii() and name.isdigit() and len(name) <= MAX_DIGITS
-        wanted = int(name) if is_number else -1
+        wanted = _number_of(str(name))
         for record in self.records:
             if record.number == wanted:
                 return record
         known = f"trials {self.records[0].id} to {self.records[-1].id}" if self.records else "none"
-        raise StoreError(f"{self.directory}: has no trial {name!r}; it has {known}")
+        raise StoreError(f"{self.directory}: has no trial {str(name)!r}; it has {known}")
 
     def folder(self, record: TrialRecord) -> Path:
         """Name the directory of the files of a trial; it need not exist.
@@ -139,7 +147,7 @@ class Campaign:
 
         Empty for trials whose scenario could not be sampled, and for campaigns of older versions.
         """
-        told = zip(self.settings.space.dimensions, record.values, strict=False)
+        told = zip(self.settings.space.dimensions, record.origin.values, strict=False)
         return {dimension.name: dimension.told(value) for dimension, value in told}
 
     def frame(self) -> pd.DataFrame:
@@ -153,6 +161,7 @@ class Campaign:
 
         rows = []
         for record in self.records:
+            margins = record.result.margins if record.result is not None else {}
             row: dict[str, Any] = {
                 "id": record.id,
                 "status": record.status,
@@ -164,45 +173,59 @@ class Campaign:
                 "engine": record.engine,
                 "sim_time": record.sim_time,
                 "wall_s": record.wall_s,
-                "attempts": record.attempts,
+                "attempts": record.origin.attempts,
                 "world_digest": record.world_digest,
                 "trace_digest": record.trace_digest,
             }
             row |= {f"rho.{v.spec}": v.robustness for v in record.verdicts}
-            row |= {f"margin.{name}": value for name, value in record.objectives.items()}
-            row |= {f"what.{name}": value for name, value in record.descriptors.items()}
+            row |= {f"margin.{name}": value for name, value in margins.items()}
+            row |= {f"what.{name}": value for name, value in record.search.descriptors.items()}
             values = self.values_of(record)
             row |= {f"param {n}" if n in row else n: value for n, value in values.items()}
             rows.append(row)
         return pd.DataFrame(rows)
 
 
+def _number_of(name: str) -> int:
+    """Give the number of a trial by its id, as ``0042`` or ``42``; -1: it is none."""
+    is_number = name.isascii() and name.isdigit() and len(name) <= MAX_DIGITS
+    return int(name) if is_number else -1
+
+
 def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
     """Write what the other stack did as a record."""
-    return dataclasses.replace(
-        record,
+    assert record.result is not None, "the other stack runs only worlds that were run"
+    result = dataclasses.replace(
+        record.result,
         verdicts=other.verdicts,
-        objectives={},
-        descriptors={},
-        situations=(),
-        blamed=(),
-        is_afterthought=False,
-        is_shut=kind_of(other.verdicts) == "shut",
-        score=other.score,
+        margins={},
         signature=other.signature,
-        signature_before=other.signature_before,
-        layer="",
-        trace_file=other.trace_file,
-        trace_digest=other.trace_digest,
-        screening=None,
-        jittered=other.jittered,
-        repeated=None,
-        other=None,
-        coupling=None,
+        rank=_rank(other.verdicts),
         ended=other.ended,
+        trace=other.trace_digest,
         sim_time=other.sim_time,
         wall_s=other.wall_s,
+        layer="",
+        trace_file=other.trace_file,
+        coupling=None,
     )
+    copies = other.jittered
+    return dataclasses.replace(
+        record,
+        origin=dataclasses.replace(record.origin, screening=None),
+        result=result,
+        vote=Vote(runs=copies.runs, failed=copies.failed) if copies is not None else None,
+        repeats=None,
+        other=None,
+        engines={},
+        search=SearchData(score=other.score),
+    )
+
+
+def _rank(verdicts: Sequence[Verdict]) -> Rank:
+    if not any(verdict.violated for verdict in verdicts):
+        return "none"
+    return "secondary" if kind_of(verdicts) == "shut" else "primary"
 
 
 def removed(directory: Path) -> PlaceError:
@@ -236,8 +259,17 @@ def log_size(directory: Path) -> int:
     return path.stat().st_size if path.is_file() else 0
 
 
-def _records(path: Path, *, leaves_out: bool = False) -> tuple[list[TrialRecord], int]:
-    """Read the records of a log, and the length [bytes] of its sound part.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Log:
+    """What a log holds."""
+
+    records: tuple[TrialRecord, ...] = ()  #: in the order of their lines
+    sound: int = 0  #: length of its whole lines [bytes]
+    is_old: bool = False  #: whether it has lines of an older format
+
+
+def _read_log(path: Path, *, leaves_out: bool = False) -> _Log:
+    """Read a log of any format.
 
     Args:
         path: of the log.
@@ -247,26 +279,15 @@ def _records(path: Path, *, leaves_out: bool = False) -> tuple[list[TrialRecord]
     Raises:
         StoreError: damage anywhere but in a torn last line, or such content.
     """
-    records: list[TrialRecord] = []
-    seen: set[int] = set()
-    sound = 0
-    for number, raw in enumerate(_lines(path), start=1):
+    records: dict[int, TrialRecord] = {}
+    sound, is_old = 0, False
+    for number, (raw, text) in enumerate(_whole_lines(path), start=1):
         where = f"{path}:{number}"
-        torn = not raw.endswith(b"\n")
-        checksum, _, text = raw.rstrip(b"\n").decode("utf-8", "replace").partition("\t")
-        if torn:
-            break
-        if checksum != _checksum(text):
-            if b"\0" in raw and sound + len(raw) >= path.stat().st_size:
-                break  # a power cut: blocks that were never written are zeros
-            raise StoreError(
-                f"{where}: this record is damaged (its checksum is {checksum[:16]!r}, it should be "
-                f"{_checksum(text)!r}); restore the file, or cut the line out and run its trial "
-                f"anew by `mrta-falsify campaign --resume {path.parent}`"
-            )
         sound += len(raw)
         try:
-            record = codec.decode(TrialRecord, parse_json(text, where), where=where)
+            data = parse_json(text, where)
+            is_old = is_old or is_flat(data)
+            record = codec.decode(TrialRecord, migrated(data), where=where)
         except InputError as error:
             if leaves_out:
                 warnings.warn(InputNote(f"{error}; this record is left out"), stacklevel=3)
@@ -277,11 +298,33 @@ def _records(path: Path, *, leaves_out: bool = False) -> tuple[list[TrialRecord]
             ) from None
         if record.ended == INTERRUPTED:
             continue
-        if record.number in seen:
+        if record.number in records:
             raise StoreError(f"{where}: trial {record.id} is in the log twice")
-        seen.add(record.number)
-        records.append(record)
-    return records, sound
+        records[record.number] = record
+    return _Log(records=tuple(records.values()), sound=sound, is_old=is_old)
+
+
+def _whole_lines(path: Path) -> Iterator[tuple[bytes, str]]:
+    """Yield the lines of a log, each with its text behind the checksum, without a torn last one.
+
+    Raises:
+        StoreError: a line is damaged.
+    """
+    sound = 0
+    for number, raw in enumerate(_lines(path), start=1):
+        checksum, _, text = raw.rstrip(b"\n").decode("utf-8", "replace").partition("\t")
+        if not raw.endswith(b"\n"):
+            return
+        if checksum != _checksum(text):
+            if b"\0" in raw and sound + len(raw) >= path.stat().st_size:
+                return  # a power cut: blocks that were never written are zeros
+            raise StoreError(
+                f"{path}:{number}: this record is damaged (its checksum is {checksum[:16]!r}, it "
+                f"should be {_checksum(text)!r}); restore the file, or cut the line out and run "
+                f"its trial anew by `mrta-falsify campaign --resume {path.parent}`"
+            )
+        sound += len(raw)
+        yield raw, text
 
 
 def _lines(path: Path) -> Iterator[bytes]:
@@ -305,8 +348,9 @@ def read_campaign_settings(directory: Path) -> CampaignSettings:
         StoreError: not a campaign, or of another version.
     """
     data = _stored_settings(directory)
-    if data["version"] == 1:
-        data = _from_version_1(data)
+    data["version"] = FORMAT_VERSION
+    if data.get("target") == OLD_TARGET:
+        data["target"] = DEFAULTS.target
     return codec.decode(CampaignSettings, data, where=str(directory / SETTINGS))
 
 
@@ -338,18 +382,11 @@ def _stored_settings(directory: Path) -> dict[str, Any]:
         )
     data = codec.read_json(path)
     version = data.get("version") if isinstance(data, dict) else None
-    if version not in (1, FORMAT_VERSION):
+    if version not in range(1, FORMAT_VERSION + 1):
         raise StoreError(
             f"{path}: has format version {codec.shown(version)}; this reads 1 to {FORMAT_VERSION}"
         )
     return dict(data)
-
-
-def _from_version_1(data: dict[str, Any]) -> dict[str, Any]:
-    """Rename settings of version 1 as version 2 has them: workers open another module."""
-    renamed = {"mrta_falsify.trial:open_trials": "mrta_falsify.worker:open_trials"}
-    target = str(data.get("target"))
-    return {**data, "version": FORMAT_VERSION, "target": renamed.get(target, target)}
 
 
 def read_campaign(directory: Path) -> Campaign:
@@ -364,9 +401,37 @@ def read_campaign(directory: Path) -> Campaign:
     """
     made_here.refuse_links(directory)
     settings = read_campaign_settings(directory)
-    records, _ = _records(directory / RECORDS, leaves_out=True)
-    records.sort(key=lambda record: record.number)
+    log = _read_log(directory / RECORDS, leaves_out=True)
+    records = sorted(log.records, key=lambda record: record.number)
     return Campaign(directory=directory, settings=settings, records=tuple(records))
+
+
+def read_trial(directory: Path, name: str | int) -> Campaign:
+    """Read a campaign with one of its records alone, without decoding the others.
+
+    Args:
+        directory: of the campaign.
+        name: id of the trial, as ``0042``, ``42`` or the number.
+
+    Returns:
+        The campaign with that record; with all that there are, if it has no such record.
+
+    Raises:
+        StoreError: not a campaign, of another version, or the log is damaged.
+    """
+    made_here.refuse_links(directory)
+    settings = read_campaign_settings(directory)
+    path = directory / RECORDS
+    begins = f'{{"candidate":{{"number":{_number_of(str(name))},'
+    for number, (_, text) in enumerate(_whole_lines(path), start=1):
+        if text.startswith(begins):
+            where = f"{path}:{number}"
+            with contextlib.suppress(InputError):  # all are read, and the message names it
+                data = migrated(parse_json(text, where))
+                record = codec.decode(TrialRecord, data, where=where)
+                if record.ended != INTERRUPTED:
+                    return Campaign(directory=directory, settings=settings, records=(record,))
+    return read_campaign(directory)
 
 
 def owner_of(directory: Path) -> str:
@@ -404,6 +469,8 @@ class Store:
     _lock: int = -1
     _log: int = -1
     _seen: tuple[int, int] = (0, 0)  # of the log, after the last record
+    _stored: _Log = _Log()  # what there was
+    _known: tuple[int, ...] = ()  # state of the log before that was read
     _has_new_settings: bool = False
 
     @classmethod
@@ -450,11 +517,12 @@ class Store:
         store = cls(directory, settings)
         store._take_lock()
         try:
-            records, _ = _records(directory / RECORDS)
+            store._known = _state(directory / RECORDS)
+            store._stored = _read_log(directory / RECORDS)
         except BaseException:
             store.close()
             raise
-        store.finished = {record.number: record for record in records}
+        store.finished = {record.number: record for record in store._stored.records}
         return store
 
     def begin(self) -> None:
@@ -515,7 +583,7 @@ class Store:
         if now == self._seen:
             return
         if now[0] == self._seen[0]:
-            _records(path)  # damaged in its place, or not at all
+            _read_log(path)  # damaged in its place, or not at all
             self._seen = now
             return
         raise StoreError(
@@ -598,6 +666,56 @@ class Store:
             os.ftruncate(self._lock, 0)
             os.pwrite(self._lock, text.encode(), 0)
 
+    def _is_of_older_format(self) -> bool:
+        return format_version(self.directory) < FORMAT_VERSION
+
+    def _rewritten(self, old: int) -> int:
+        """Write the log in today's format, keep the old one beside it, and open the new one.
+
+        Both logs can be read in each moment between: the settings say that the format is today's
+        once the new log is durable, and the log of either format is read by its lines.
+
+        Args:
+            old: the open log, which is held.
+
+        Returns:
+            The new log, which is held.
+        """
+        path, new = self.directory / RECORDS, self.directory / NEW_RECORDS
+        version = format_version(self.directory)
+        try:
+            with replacing(new) as file:
+                file.writelines(map(_line, self._stored.records))
+            log = os.open(new, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+            try:
+                fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                self._write_settings()
+                self._keep_old_log(min(version, FORMAT_VERSION - 1))
+                os.replace(new, path)
+            except BaseException:
+                os.close(log)
+                raise
+        except BaseException:
+            with contextlib.suppress(OSError):
+                new.unlink()
+            raise
+        sync_directory(self.directory)
+        os.close(old)
+        return log
+
+    def _keep_old_log(self, version: int) -> None:
+        """Keep the log under the number of its format; one that is kept already stays."""
+        path = self.directory / RECORDS
+        kept = self.directory / OLD_RECORDS.format(version)
+        if kept.exists():
+            return
+        try:
+            os.link(path, kept)
+        except OSError:  # a file system without links
+            with replacing(kept) as file, path.open("rb") as log:
+                shutil.copyfileobj(log, file)
+        sync_directory(self.directory)
+
     def _open_log(self) -> None:
         """Open the log, and hold it too: the lock is a file that somebody may have deleted."""
         path = self.directory / RECORDS
@@ -605,11 +723,14 @@ class Store:
             log = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
             try:
                 fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                _, sound = _records(path)
-                if os.fstat(log).st_size > sound:
-                    os.ftruncate(log, sound)
+                if _state(path) != self._known:
+                    self._stored = _read_log(path)
+                if os.fstat(log).st_size > self._stored.sound:
+                    os.ftruncate(log, self._stored.sound)
                     os.fsync(log)
                 sync_directory(self.directory)
+                if self._stored.is_old or self._is_of_older_format():
+                    log = self._rewritten(log)
             except BlockingIOError:
                 os.close(log)
                 owner = _owner_text(self.directory / LOCK)
@@ -619,6 +740,15 @@ class Store:
                 raise
         self._log = log
         self._seen = self._look()
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    """Tell a file from one that was changed since, by number, length and time; empty: none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ()
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def decode_record(data: Any, *, where: str) -> TrialRecord:

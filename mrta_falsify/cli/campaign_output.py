@@ -54,7 +54,7 @@ class CampaignWatch:
         kind = _announced_kind(record)
         if kind and kind not in announced and "failure" not in announced:
             announced.add(kind)
-            counted = [str(one) for one in (record.other, record.repeated, record.jittered) if one]
+            counted = [str(one) for one in (record.other, record.repeats, record.vote) if one]
             counted += [record.confirmation] if record.confirmation else []
             copies = f" ({'; '.join(counted)})" if counted else ""
             self.say(f"first {kind}: trial {record.id}, {record.signature}{copies}")
@@ -102,9 +102,12 @@ def _announced_kind(record: TrialRecord) -> str:
     """Say what a trial is the first of; empty if it did not fail."""
     if not record.failed:
         return ""
-    if record.is_shut:
+    from mrta_falsify.specs.causes import group_of
+
+    group = group_of(record.result)
+    if group == "shut":
         return "place that the world shut"
-    if record.is_afterthought:
+    if group == "secondary":
         return "failure only in what is looked for last"
     if not record.is_primary:
         return "failure that the other stack does not pass either"

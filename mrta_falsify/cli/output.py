@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 FIRST_LINE = 10.0  # s of work before a pipe gets its first line of progress
 NEXT_LINE = 30.0  # s between two such lines
+LONG = 1000  # rows of a table from which on its columns are not fitted
 UNBOUNDED = 100_000  # columns, more than any table has
 LEAST_DONE = 0.01  # of all, after which the rate to date says how long the rest takes
 
@@ -93,14 +94,44 @@ def new_table(
 
 
 def print_table(table: Table) -> None:
-    """Print a table on stdout, as wide as the terminal or COLUMNS; in a pipe as wide as it is."""
+    """Print a table on stdout, as wide as the terminal or COLUMNS; in a pipe as wide as it is.
+
+    A long one is as wide as it is everywhere: to fit its columns takes milliseconds a row.
+    """
     from rich.console import Console
 
     console = Console(highlight=False, markup=False, emoji=False)
+    if table.row_count > LONG:
+        for line, style in _plain_lines(table):
+            click.echo(click.style(line, fg=style))
+        return
     if not console.is_terminal and "COLUMNS" not in os.environ:
         unbounded = console.options.update(max_width=UNBOUNDED)
         console.width = console.measure(table, options=unbounded).maximum
     console.print(table)
+
+
+def _plain_lines(table: Table) -> Iterator[tuple[str, str | None]]:
+    """Yield the lines of a table, each with its colour; no cell is broken."""
+    from rich.cells import cell_len
+    from rich.control import strip_control_codes
+
+    columns = [
+        [strip_control_codes(" ".join(str(cell).split("\n"))) for cell in column.cells]
+        for column in table.columns
+    ]
+    headings = [str(column.header) for column in table.columns]
+    widths = [
+        max(map(cell_len, (name, *cells))) for name, cells in zip(headings, columns, strict=True)
+    ]
+    is_right = [column.justify == "right" for column in table.columns]
+    styles = [None, *(row.style for row in table.rows)]
+    for cells, style in zip((headings, *zip(*columns, strict=True)), styles, strict=True):
+        parts = []
+        for cell, width, right in zip(cells, widths, is_right, strict=True):
+            pad = " " * (width - cell_len(cell))
+            parts.append(pad + cell if right else cell + pad)
+        yield " ".join(parts).rstrip(), str(style) if style else None
 
 
 # --- progress --------------------------------------------------------------------------------

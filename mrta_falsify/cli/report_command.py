@@ -34,7 +34,7 @@ from mrta_falsify.cli.options import (
     1,
     1000,
     default=20,
-    text="Failures to show in full at most, as far as the page has room.",
+    text="Failures to show in full at most; those without room on the page are files beside it.",
 )
 @click.option(
     "--beside",

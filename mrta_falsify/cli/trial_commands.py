@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import json
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,9 +26,10 @@ from mrta_falsify.core import codec
 
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.foreign import Trust
+    from mrta_falsify.campaigns.trial_index import TrialRow
+    from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.core.verdict import Verdict
     from mrta_falsify.verbs.replay import Replay
-    from mrta_falsify.verbs.stored_trials import TrialRow
 
 
 @main.command("list")
@@ -41,25 +44,39 @@ if TYPE_CHECKING:
 )
 def list_command(directory: Path, failed: bool, style: str) -> int:
     """List the trials of a campaign."""
-    from mrta_falsify.verbs.stored_trials import TrialRow, open_campaign, trial_rows
+    from mrta_falsify.campaigns.trial_index import TrialRow, rows_data
 
-    campaign = open_campaign(directory)
-    rows = trial_rows(campaign, failed)
+    found, summary = _listed(directory)
+    rows = tuple(row for row in found if row.failed or not failed)
     if style == "json":
-        output.print_json(rows)
+        click.echo(json.dumps(rows_data(rows), allow_nan=False))
     elif style == "csv":
         writer = csv.DictWriter(sys.stdout, list(TrialRow.__dataclass_fields__))
         writer.writeheader()
-        for row in rows:
+        for row, data in zip(rows, rows_data(rows), strict=True):
             lists = {"violated": " ".join(row.violated), "not_judged": " ".join(row.not_judged)}
-            writer.writerow({**codec.encode(row), **lists})
+            writer.writerow({**data, **lists})
     else:
-        from mrta_falsify.verbs.report.build import short_summary
-
         _print_trials(rows)
-        for text in short_summary(campaign, {row.id: row.layer for row in rows}):
+        for text in summary():
             output.stdout().print(text)
     return ExitCode.DONE
+
+
+def _listed(directory: Path) -> tuple[tuple[TrialRow, ...], Callable[[], tuple[str, ...]]]:
+    """Read all rows of a campaign, from its index if that is sound, and how it is summed up."""
+    from mrta_falsify.campaigns.trial_index import explained_rows, index_summary, read_index
+
+    index = read_index(directory)
+    if index is not None:
+        rows = explained_rows(directory, index)
+        return rows, lambda: index_summary(index, rows)
+    from mrta_falsify.verbs.report.build import short_summary
+    from mrta_falsify.verbs.stored_trials import open_campaign, trial_rows
+
+    campaign = open_campaign(directory)
+    rows = trial_rows(campaign)
+    return rows, lambda: short_summary(campaign, {row.id: row.layer for row in rows})
 
 
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
@@ -102,6 +119,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.campaigns.store import read_trial
     from mrta_falsify.core.claims import KIND_TEXT
     from mrta_falsify.specs.causes import kind_of
     from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
@@ -109,24 +127,21 @@ def show_command(directory: Path, id: str, style: str) -> int:
         compared_sentences,
         explained_reason,
         layer_of,
-        open_campaign,
         what_happened,
     )
     from reports.sentences import beside_sentences
     from reports.stack_sentences import coupling_facts
 
-    campaign = open_campaign(directory)
+    campaign = read_trial(directory, id)
     record = campaign.record(id)
     told, kind = what_happened(campaign, record), kind_of(record.verdicts)
     beside = beside_sentences(record.verdicts)
     certificate = read_certificate(campaign.folder(record))
     proved = claim_sentences(certificate) if certificate is not None else ()
     if style == "json":
-        verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
         data = {"id": record.id, "failed": record.failed, "kind": kind, "happened": told}
         data |= {"certified": proved, "beside": beside}
-        data |= codec.encode(record)
-        output.print_json({**data, "verdicts": verdicts})
+        output.print_json(data | _record_data(record, campaign.settings.rules))
         return ExitCode.DONE
     out = output.stdout()
     fate = "failed" if record.failed else "passed"
@@ -145,17 +160,17 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"layer      {layer_of(campaign, record) or 'none suspected'}")
         if reason := explained_reason(campaign, record):
             out.print(f"           by explain: {reason}")
-    for name, text in coupling_facts(record.coupling):
+    for name, text in coupling_facts(record.result.coupling if record.result else None):
         out.print(f"{name:<11}{text}")
-    jittered = record.jittered if record.other is None else None
-    for counted in filter(None, (record.repeated, jittered, record.confirmation)):
+    vote = record.vote if record.other is None else None
+    for counted in filter(None, (record.repeats, vote, record.confirmation)):
         out.print(f"           {counted}")
     most = campaign.settings.trials.jittered
-    for text in compared_sentences(record.jittered, record.other, most):
+    for text in compared_sentences(record.vote, record.other, most):
         out.print(f"           {text}")
-    for way in record.shut:
+    for way in record.origin.shut:
         out.print(f"shut       task{way.task}: {way.is_shut_by}")
-    for note in record.notes:
+    for note in record.origin.notes:
         out.print(f"note       {note}")
     if record.error:
         out.print(f"error      {record.error.strip().splitlines()[-1]}")
@@ -169,6 +184,13 @@ def show_command(directory: Path, id: str, style: str) -> int:
         out.print(f"files      {campaign.folder(record)}")
     out.print(f"replay     mrta-falsify replay {shlex.quote(str(directory))} {record.id}")
     return ExitCode.DONE
+
+
+def _record_data(record: TrialRecord, rules: int) -> dict[str, Any]:
+    from mrta_falsify.campaigns.record_formats import flat_record
+
+    verdicts = [{**codec.encode(v), "outcome": v.outcome} for v in record.verdicts]
+    return {**flat_record(record, rules), "verdicts": verdicts}
 
 
 def _verdict_line(verdict: Verdict) -> str:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
-from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import (
     Chance,
     Probability,
@@ -18,6 +17,7 @@ from mrta_falsify.core.probability import (
     interval_text,
 )
 from mrta_falsify.core.renamed import renamed_attribute
+from mrta_falsify.core.run_result import Rank, RunResult, Vote
 from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
 
@@ -61,27 +61,17 @@ class EngineRun:
     trace_digest: str = ""
     sim_time: float = 0.0  #: [s]
     wall_s: float = 0.0
-    #: copies of the world on that engine; not of a screening
-    jittered: PerturbedRuns | None = later(None)
+    vote: Vote | None = later(None)  #: of perturbed runs on that engine; none for a screening
 
     @property
-    def runs(self) -> int:
-        """Runs of the world and its copies."""
-        return 1 + (self.jittered.runs if self.jittered else 0)
-
-    @property
-    def failures(self) -> int:
-        """Of the runs."""
-        return int(self.failed) + (self.jittered.failed if self.jittered else 0)
-
-    @property
-    def fails(self) -> bool:
-        """Whether most runs fail."""
-        return 2 * self.failures > self.runs
+    def total(self) -> Vote:
+        """The run of the world itself and its perturbed runs, as one vote."""
+        vote = self.vote or Vote(runs=0, failed=0)
+        return vote.add(failed=self.failed)
 
     def __str__(self) -> str:
         """Write it as in ``mujoco 4 of 4``."""
-        return f"{self.engine} {self.failures} of {self.runs}"
+        return f"{self.engine} {self.total.failed} of {self.total.runs}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,54 +135,67 @@ class OtherRun:
         return self.passes and copies is not None and 2 * copies.failed < copies.runs
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TrialRecord:
-    """One trial, finished."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where the world of a trial comes from, and what was found before it was run."""
 
-    candidate: Candidate
-    status: Status
-    proposal_digest: str = ""  #: of the point the sampler asked for, before repair
+    proposal: str = later("")  #: digest of the point the sampler asked for, before repair
+    uniform: bool = later(False)  #: proposed evenly from the whole cube, whatever had been found
     #: in the program's units, by dimension; None: no number; empty: not known
     values: tuple[float | None, ...] = later(())
-    world_digest: str = ""
-    verdicts: tuple[Verdict, ...] = ()  #: those that the executed part decides
-    objectives: dict[str, float] = field(default_factory=dict)  #: see specs.objectives
-    descriptors: dict[str, float] = field(default_factory=dict)
-    situations: tuple[str, ...] = later(())  #: what happened, see specs.situations
-    #: objects that took part when the run was nearest to a deadlock, or in its failure
-    blamed: tuple[str, ...] = later(())
-    uniform: bool = later(False)  #: proposed evenly from the whole cube, whatever had been found
-    #: fails only in what the campaign looks for last
-    is_afterthought: bool = later(False)
-    score: float = 0.0  #: what the search minimises
-    #: fails only because the world shut a place during the run: no failure of the stack
-    is_shut: bool = later(False)
-    signature: str = ""  #: of the failure mode, empty if nothing failed
-    #: the same by the rules of campaigns that told no kinds apart (rules 1)
-    signature_before: str = later("")
-    layer: str = ""  #: suspected, empty if not attributed
-    trace_file: str = ""  #: relative to the campaign directory, empty if not kept
-    trace_digest: str = ""
-    engine: str = ""  #: that the verdicts come from
-    screening: EngineRun | None = None  #: on the quick engine, before physics was asked
-    jittered: PerturbedRuns | None = None  #: of a failure, where the campaign asks for copies
-    confirmed: tuple[EngineRun, ...] = later(())  #: of a robust failure, on other engines
-    #: of a failure of a stack in a process of its own
-    repeated: Repeats | None = later(None)
-    #: of a failure that is looked for first, where the campaign compares two stacks
-    other: OtherRun | None = later(None)
-    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
-    ended: str = ""  #: why the episode ended
-    sim_time: float = 0.0  #: simulated [s]
-    scene_s: float = 0.0  #: measured time to sample the world [s]
-    wall_s: float = 0.0  #: measured time to simulate and judge [s]
-    attempts: int = 0  #: scenes tried until one was accepted
-    versions: dict[str, str] = field(default_factory=dict)
-    error: str = ""  #: for every status but ok: why
+    world: str = later("")  #: digest
+    attempts: int = later(0)  #: scenes tried until one was accepted
+    scene_s: float = later(0.0)  #: measured time to sample the world [s]
     #: ways that no robot fits through that may serve the task; where such worlds are simulated, of
     #: a judged one as well
     shut: tuple[TightWay, ...] = later(())
     notes: tuple[str, ...] = later(())  #: what is narrow in the world, and what is pushed in vain
+    screening: EngineRun | None = later(None)  #: on the quick engine, before physics was asked
+    versions: dict[str, str] = later(dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchData:
+    """What a sampler learns from a trial beside its result."""
+
+    score: float = 0.0  #: what the search minimises
+    descriptors: dict[str, float] = later(dict)
+    situations: tuple[str, ...] = later(())  #: what happened, see specs.descriptors
+    #: objects that took part when the run was nearest to a deadlock, or in its failure
+    blamed: tuple[str, ...] = later(())
+    #: margins near the world, as its perturbed runs tell (perturbed_runs.expected_margin)
+    expected: dict[str, float] = later(dict)
+    noise: dict[str, float] = later(dict)  #: variances of these, where above 0
+
+
+#: status of a trial by that of its result
+STATUS: dict[str, Status] = {
+    "judged": "ok",
+    "not_judged": "ok",
+    "impossible": "impossible",
+    "error": "crashed",
+    "timeout": "timeout",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrialRecord:
+    """One trial, finished.
+
+    What is asked of it most often can be read from it directly: ``record.verdicts`` is
+    ``record.result.verdicts``, and empty where there is no result.
+    """
+
+    candidate: Candidate
+    origin: Origin = Origin()
+    result: RunResult | None = later(None)  #: None: no scene was accepted
+    vote: Vote | None = later(None)  #: of perturbed runs of a failure, where the campaign asks
+    repeats: Repeats | None = later(None)  #: of a failure of a stack in a process of its own
+    #: of a primary failure, where the campaign compares two stacks
+    other: OtherRun | None = later(None)
+    engines: dict[str, EngineRun] = later(dict)  #: others that a robust failure was run on, by name
+    search: SearchData = later(SearchData())
+    error: str = later("")  #: for every status but ok: why
 
     def __repr__(self) -> str:
         """Write it in one line."""
@@ -210,9 +213,35 @@ class TrialRecord:
         return f"{self.number:04d}"
 
     @property
+    def status(self) -> Status:
+        """What became of the trial as a whole."""
+        return "rejected" if self.result is None else STATUS[self.result.status]
+
+    @property
     def was_run(self) -> bool:
         """Whether there was a world to run, and one that a stack can do."""
         return self.status not in ("rejected", "impossible")
+
+    @property
+    def rank(self) -> Rank:
+        """What its failure counts for; none where the other stack does not pass either."""
+        if self.result is None or (self.other is not None and not self.other.passes):
+            return "none"
+        return self.result.rank
+
+    @property
+    def is_primary(self) -> bool:
+        """Whether it fails in what the campaign looks for first, robust or not."""
+        return self.rank == "primary"
+
+    @property
+    def is_robust(self) -> bool:
+        """Whether it counts for ``stop_after``: a primary failure that perturbed runs share.
+
+        Where two stacks are compared, the other one passes in most of them.
+        """
+        is_shared = self.vote is None or self.vote.robust
+        return self.is_primary and is_shared and (self.other is None or self.other.passes_most)
 
     @property
     def failed(self) -> bool:
@@ -220,49 +249,95 @@ class TrialRecord:
         return any(verdict.violated for verdict in self.verdicts)
 
     @property
-    def is_robust(self) -> bool:
-        """Whether it counts for ``stop_after``: a primary failure that perturbed runs share.
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Those that the executed part decides."""
+        return () if self.result is None else self.result.verdicts
 
-        Not in what the campaign looks for last, and not by the world's doing; robust where it asks
-        for perturbed runs. Where two stacks are compared, the other one passes in most of them.
-        """
-        is_shared = self.jittered is None or self.jittered.robust
-        return self.is_primary and is_shared and (self.other is None or self.other.passes_most)
+    @property
+    def signature(self) -> str:
+        """Signature of the failure mode, empty if nothing failed."""
+        return "" if self.result is None else self.result.signature
 
-    def __getattr__(self, name: str) -> Any:
-        names = {"wanted": "is_robust", "is_sought": "is_primary"}
-        return renamed_attribute(self, name, names)
+    @property
+    def score(self) -> float:
+        """What the search minimises."""
+        return self.search.score
+
+    @property
+    def layer(self) -> str:
+        """Suspected layer of the stack, empty if none is."""
+        return "" if self.result is None else self.result.layer
+
+    @property
+    def engine(self) -> str:
+        """Engine that the verdicts come from."""
+        return "" if self.result is None else self.result.engine
+
+    @property
+    def trace_file(self) -> str:
+        """Trace, relative to the campaign directory; empty if not kept."""
+        return "" if self.result is None else self.result.trace_file
+
+    @property
+    def trace_digest(self) -> str:
+        """Digest of the trace."""
+        return "" if self.result is None else self.result.trace
+
+    @property
+    def ended(self) -> str:
+        """Why the episode ended."""
+        return "" if self.result is None else self.result.ended
+
+    @property
+    def sim_time(self) -> float:
+        """Simulated time [s]."""
+        return 0.0 if self.result is None else self.result.sim_time
+
+    @property
+    def wall_s(self) -> float:
+        """Measured time to simulate and judge [s]."""
+        return 0.0 if self.result is None else self.result.wall_s
+
+    @property
+    def world_digest(self) -> str:
+        """Digest of the world."""
+        return self.origin.world
 
     @property
     def confirmation(self) -> str:
         """Write on how many of how many runs it fails on other engines, empty: not asked."""
-        if not self.confirmed:
-            return ""
-        fails = [str(run) for run in self.confirmed if run.fails]
-        holds = [str(run) for run in self.confirmed if not run.fails]
+        fails = [str(run) for run in self.engines.values() if run.total.robust]
+        holds = [str(run) for run in self.engines.values() if not run.total.robust]
         parts = [f"fails on {', '.join(fails)}"] if fails else []
         parts += [f"not on {', '.join(holds)}"] if holds else []
         return "; ".join(parts)
 
-    @property
-    def is_primary(self) -> bool:
-        """Whether it fails in what the campaign looks for first, robust or not.
+    def __getattr__(self, name: str) -> Any:
+        return renamed_attribute(self, name, OLD_NAMES)
 
-        A place that the world shut is none. Where two stacks are compared, only if the other one
-        passes in the world itself.
-        """
-        is_first = self.failed and not self.is_afterthought and not self.is_shut
-        return is_first and (self.other is None or self.other.passes)
 
-    @property
-    def is_reported(self) -> bool:
-        """Whether it is a failure, and not one that the other stack does not pass either."""
-        return self.is_primary or self.is_afterthought or self.is_shut
-
-    @property
-    def fails_on_both(self) -> bool:
-        """Whether the other stack fails in what the campaign looks for first, too."""
-        return self.other is not None and self.other.fate == "fails"
+#: what campaigns of format 2 and their readers called parts of a record
+OLD_NAMES = {
+    "wanted": "is_robust",
+    "is_sought": "is_primary",
+    "jittered": "vote",
+    "repeated": "repeats",
+    "confirmed": "engines",
+    "screening": "origin.screening",
+    "proposal_digest": "origin.proposal",
+    "uniform": "origin.uniform",
+    "values": "origin.values",
+    "attempts": "origin.attempts",
+    "scene_s": "origin.scene_s",
+    "shut": "origin.shut",
+    "notes": "origin.notes",
+    "versions": "origin.versions",
+    "objectives": "result.margins",
+    "coupling": "result.coupling",
+    "descriptors": "search.descriptors",
+    "situations": "search.situations",
+    "blamed": "search.blamed",
+}
 
 
 @functools.cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import operator
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.machinery import ModuleSpec
@@ -49,7 +50,7 @@ def renamed_attribute(owner: object, name: str, names: Mapping[str, str]) -> Any
     Args:
         owner: the value, or the module.
         name: that is asked for.
-        names: old name -> name now.
+        names: old name -> name now, with dots where it is an attribute of another one.
 
     Raises:
         AttributeError: it is no old name either.
@@ -58,7 +59,7 @@ def renamed_attribute(owner: object, name: str, names: Mapping[str, str]) -> Any
     if name not in names:
         raise AttributeError(f"{who!r} has no attribute {name!r}")
     _warn(f"{who}.{name}", names[name], depth=4)
-    return getattr(owner, names[name])
+    return operator.attrgetter(names[name])(owner)
 
 
 def _warn(old: str, new: str, *, depth: int = 3) -> None:

@@ -3,33 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from mrta_falsify.core.run_result import Course, TimedPose
 from mrta_falsify.core.task_history import last_robots
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import confirmed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimedPose:
-    """Where a robot was at a moment."""
-
-    time: float  #: [s]
-    pose: tuple[float, ...]  #: x [m], y [m], yaw [rad], map frame
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Course:
-    """What a failing run says about where it can be shortened."""
-
-    found: float | None  #: time of the violation [s]
-    had: dict[str, tuple[int, ...]]  #: tasks by the robot that had them last
-    delivered: dict[str, tuple[TimedPose, ...]]  #: by robot, one for each of its deliveries
-    rests: tuple[tuple[TimedPose, ...], ...]  #: of all robots when nothing was left to do
 
 
 def course_of(verdict: Verdict, trace: Trace, world: World) -> Course:

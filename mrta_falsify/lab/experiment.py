@@ -1,28 +1,16 @@
-"""What the lab is asked, and what it answers."""
+"""What the lab is asked: a world under a stack, with what is changed in the run."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
-from mrta_falsify.campaigns.statistics import failure_probability, one_sided_bounds
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.stack_failure import StackLimits
-from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.lab.course import Course
 from mrta_falsify.specs.library import default_specifications
 from simulator_interface.external.transcript import Transcript
-
-#: a run that could not be judged tells nothing; an *impossible* world cannot be run at all
-Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error"]
-#: what a violation counts for: what a search looks for first, what only follows, none
-Rank: TypeAlias = Literal["none", "secondary", "primary"]
-
-BOUND = 0.9  #: with which each bound of a vote holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,61 +61,3 @@ class Experiment:
     def begins_at(self) -> float:
         """When the first thing is changed that cannot be changed before the run begins [s]."""
         return self.edits[0].at if self.edits else 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunResult:
-    """What one experiment gave."""
-
-    status: Status
-    verdicts: tuple[Verdict, ...] = ()
-    margins: dict[str, float] = dataclasses.field(default_factory=dict)
-    signature: str = ""
-    rank: Rank = "none"
-    ended: str = ""  #: why
-    detail: str = ""  #: why it could not be judged
-    trace: str = ""  #: digest of its trace
-    sim_time: float = 0.0  #: simulated [s]
-    wall_s: float = 0.0  #: measured; never part of a digest
-    met: float | None = None  #: when the situation came about [s]
-    course: Course | None = None  #: of a run that fails
-
-    @property
-    def failed(self) -> bool:
-        """Whether what is looked for first is violated."""
-        return self.rank == "primary"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Vote:
-    """What runs of a world with small differences say."""
-
-    runs: int  #: that were judged
-    failed: int  #: of them
-    undecided: int = 0  #: runs beside these that tell nothing
-
-    @property
-    def robust(self) -> bool:
-        """Whether more than half of the runs fail."""
-        return 2 * self.failed > self.runs
-
-    @property
-    def knife_edge(self) -> bool:
-        """Whether there are runs, and at least half of them pass."""
-        return self.runs > 0 and not self.robust
-
-    @property
-    def chance(self) -> Probability:
-        """How probably a run fails, with its 95 % interval."""
-        return failure_probability(self.failed, self.runs, undecided=self.undecided)
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Bounds of the chance of failure, each holding with 90 % (Clopper and Pearson 1934)."""
-        return one_sided_bounds(self.failed, self.runs, undecided=self.undecided, level=BOUND)
-
-    def add(self, *, failed: bool | None) -> Vote:
-        """Count one more run; None: it tells nothing."""
-        if failed is None:
-            return dataclasses.replace(self, undecided=self.undecided + 1)
-        return dataclasses.replace(self, runs=self.runs + 1, failed=self.failed + failed)

@@ -20,10 +20,11 @@ from mrta_falsify.campaigns.rules import RULES, signed
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.run_result import Rank, RunResult, Vote
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.course import course_of
-from mrta_falsify.lab.experiment import Edit, Experiment, Rank, RunResult, Situation, Vote
+from mrta_falsify.lab.experiment import Edit, Experiment, Situation
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import MAX_DEATHS, Pool
 from mrta_falsify.process.supervisor import run_supervised

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from mrta_falsify.core.claims import (
     SPEC,
@@ -30,6 +30,7 @@ from mrta_falsify.core.claims import (
     earliest,
     leading_claim,
 )
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
@@ -71,6 +72,20 @@ def kind_of(verdicts: Sequence[Verdict]) -> ClaimKind | Literal[""]:
     if is_shut(claimed):
         return "shut" if leading(verdicts) is claimed else ""
     return claim_kind(leading_claim(claimed.evidence), claimed.who)
+
+
+#: what a failing run is counted as: what only follows is *secondary*, whatever its kind
+FailureGroup: TypeAlias = Literal["deadlock", "stuck", "shut", "other", "secondary", ""]
+
+
+def group_of(result: RunResult | None) -> FailureGroup:
+    """Tell what a run is counted as; empty if it does not fail."""
+    if result is None or result.rank == "none":
+        return ""
+    kind = kind_of(result.verdicts)
+    if result.rank == "secondary":
+        return "shut" if kind == "shut" else "secondary"
+    return kind or "other"
 
 
 def primary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> tuple[Verdict, ...]:

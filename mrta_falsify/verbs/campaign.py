@@ -28,6 +28,7 @@ from mrta_falsify.campaigns.store import (
     StoreError,
     read_campaign_settings,
 )
+from mrta_falsify.campaigns.trial_index import INDEXED, write_index
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
@@ -342,8 +343,13 @@ def run_store(
             )
     except KeyboardInterrupt:
         progress, ended = stored_progress(store, limits), "interrupted"
+    campaign = store.campaign()
+    if len(campaign.records) >= INDEXED:
+        from mrta_falsify.verbs.report.build import index_of  # noqa: PLC0415 - loads slowly
+
+        write_index(store.directory, index_of(campaign))
     return CampaignResult(
-        campaign=store.campaign(),
+        campaign=campaign,
         progress=progress,
         ended=ended,
         wall_s=time.monotonic() - began,

@@ -369,8 +369,9 @@ def run_again(
         except WorldError:
             return RecheckRun(fate="no place")
     # A changed stack is judged by physics if that is its engine, whatever found the failure.
-    record = dataclasses.replace(record, engine=settings.stack.engine.name)
-    judged = rerun(settings, record, world)
+    assert record.result is not None, "a failure was run"
+    here = dataclasses.replace(record.result, engine=settings.stack.engine.name)
+    judged = rerun(settings, dataclasses.replace(record, result=here), world)
     run = judged_run(judged.verdicts)
     if not picture or not run.failed:
         return run

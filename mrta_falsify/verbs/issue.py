@@ -104,7 +104,7 @@ def issue(
         program=program,
         about_world=_about(found),
         commands=_commands(config),
-        versions=tuple(sorted(record.versions.items())),
+        versions=tuple(sorted(record.origin.versions.items())),
         pictures=(("The run from above", PICTURE), ("The run", GIF)),
         formats=formats,
         missing=missing,
@@ -213,7 +213,7 @@ def _commands(config: StackConfig) -> tuple[tuple[str, str], ...]:
 
 
 def _facts(record: TrialRecord, view: RunView) -> tuple[tuple[str, str], ...]:
-    copies = (f"{record.jittered.failed} of {record.jittered.runs}",) if record.jittered else ()
+    copies = (f"{record.vote.failed} of {record.vote.runs}",) if record.vote else ()
     kind = kind_of(record.verdicts)
     return (
         *((("kind", KIND_TEXT[kind]),) if kind else ()),
@@ -221,5 +221,5 @@ def _facts(record: TrialRecord, view: RunView) -> tuple[tuple[str, str], ...]:
         ("trace digest", view.trace.digest),
         ("engine", record.engine),
         *(("copies with small differences that fail", text) for text in copies),
-        *((("the same run again", str(record.repeated)),) if record.repeated else ()),
+        *((("the same run again", str(record.repeats)),) if record.repeats else ()),
     )

@@ -9,7 +9,6 @@ from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.rules import JUDGED_SINCE
-from mrta_falsify.campaigns.settings import FORMAT_VERSION
 from mrta_falsify.campaigns.store import OTHER, Campaign, format_version, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.difference import Difference, first_difference
@@ -150,7 +149,7 @@ def replay_trial(
             for run in runs
         ),
         same_version=same_version,
-        same_machine=record.versions == versions(),
+        same_machine=record.origin.versions == versions(),
         difference=differences[0] if differences else None,
     )
 
@@ -180,8 +179,8 @@ def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -
 
 
 def _is_same_version(campaign: Campaign, record: TrialRecord) -> bool:
-    recorded_by = record.versions.get(PACKAGE, versions()[PACKAGE])
-    is_same_format = format_version(campaign.directory) == FORMAT_VERSION
+    recorded_by = record.origin.versions.get(PACKAGE, versions()[PACKAGE])
+    is_same_format = format_version(campaign.directory) > 1
     has_same_rules = campaign.settings.rules >= JUDGED_SINCE
     return is_same_format and has_same_rules and recorded_by == versions()[PACKAGE]
 

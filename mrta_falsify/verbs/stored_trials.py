@@ -5,20 +5,19 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.settings import COMPARISON_RUNS
 from mrta_falsify.campaigns.statistics import chance_in_vote
-from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign
-from mrta_falsify.core.codec import later
+from mrta_falsify.campaigns.store import Campaign, StoreError, read_campaign, read_trial
+from mrta_falsify.campaigns.trial_index import TrialRow, explained_rows, read_index
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError, NeedsOption
 from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.probability import interval_text
-from mrta_falsify.core.record import OtherRun, PerturbedRuns, Status, TrialRecord
+from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
@@ -36,39 +35,6 @@ from reports.sentences import (
 )
 
 WORLD_NAME, TRACE_NAME = "world.json", "trace.zip"  # in the folder of a trial
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrialRow:
-    """A trial in one line, as ``list --format json`` prints it."""
-
-    id: str
-    status: Status
-    score: float
-    signature: str
-    failed: bool
-    jittered: int  #: copies with small differences that were run
-    jittered_failures: int
-    violated: tuple[str, ...]  #: specifications
-    headline: str  #: what happened, in one sentence; empty if nothing is violated
-    who: str  #: robots concerned, the root of those that stand first, those held up in brackets
-    layer: str  #: as explained, by rules on the trace if it has not been explained
-    engine: str
-    sim_time_s: float
-    wall_s: float
-    attempts: int
-    world_digest: str
-    trace_digest: str
-    error: str
-    not_judged: tuple[str, ...] = later(())  #: specifications
-    repeats: int = later(0)  #: runs of a failure again, nothing changed
-    repeats_failed: int = later(0)  #: of them, in the same way
-    other_engines: str = later("")  #: on which a robust failure was run, and what came of it
-    #: what becomes of the failure on the other stack, where two are compared; empty: not asked
-    other: Literal["", "passes", "fails", "not judged"] = later("")
-    other_jittered: int = later(0)  #: the same copies that were run on the other stack
-    other_jittered_failures: int = later(0)
-    kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
 
 
 def open_campaign(directory: Place) -> Campaign:
@@ -90,15 +56,28 @@ def list_trials(directory: Place, failed: bool = False) -> tuple[TrialRow, ...]:
     Raises:
         StoreError: not a campaign.
     """
-    return trial_rows(open_campaign(directory), failed)
+    index = read_index(Path(directory))
+    if index is None:
+        return trial_rows(open_campaign(directory), failed)
+    return tuple(row for row in explained_rows(Path(directory), index) if row.failed or not failed)
 
 
 def trial_rows(campaign: Campaign, failed: bool = False) -> tuple[TrialRow, ...]:
     """List the trials of a campaign that is read already, as :func:`list_trials`."""
-    return tuple(_row(campaign, r) for r in campaign.records if r.failed or not failed)
+    return tuple(
+        row_of(record, layer_of(campaign, record))
+        for record in campaign.records
+        if record.failed or not failed
+    )
 
 
-def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
+def row_of(record: TrialRecord, layer: str) -> TrialRow:
+    """Tell a record in one line.
+
+    Args:
+        record: of a trial.
+        layer: suspected.
+    """
     verdict = leading(record.verdicts)
     theirs = record.other.jittered if record.other else None
     return TrialRow(
@@ -107,23 +86,23 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
         score=record.score,
         signature=record.signature,
         failed=record.failed,
-        jittered=record.jittered.runs if record.jittered else 0,
-        jittered_failures=record.jittered.failed if record.jittered else 0,
+        jittered=record.vote.runs if record.vote else 0,
+        jittered_failures=record.vote.failed if record.vote else 0,
         violated=tuple(verdict.spec for verdict in record.verdicts if verdict.violated),
         headline=violation_sentence(verdict) if verdict is not None else "",
         who=who_text(verdict) if verdict is not None else "",
-        layer=layer_of(campaign, record),
+        layer=layer,
         engine=record.engine,
         sim_time_s=record.sim_time,
         wall_s=record.wall_s,
-        attempts=record.attempts,
+        attempts=record.origin.attempts,
         world_digest=record.world_digest,
         trace_digest=record.trace_digest,
         error=record.error,
         not_judged=tuple(verdict.spec for verdict in record.verdicts if verdict.not_judged),
         other_engines=record.confirmation,
-        repeats=record.repeated.runs if record.repeated else 0,
-        repeats_failed=record.repeated.same.failures if record.repeated else 0,
+        repeats=record.repeats.runs if record.repeats else 0,
+        repeats_failed=record.repeats.same.failures if record.repeats else 0,
         other=record.other.fate if record.other else "",
         other_jittered=theirs.runs if theirs else 0,
         other_jittered_failures=theirs.failed if theirs else 0,
@@ -132,7 +111,7 @@ def _row(campaign: Campaign, record: TrialRecord) -> TrialRow:
 
 
 def compared_sentences(
-    jittered: PerturbedRuns | None, other: OtherRun | None, most: int = COMPARISON_RUNS
+    jittered: PerturbedRuns | Vote | None, other: OtherRun | None, most: int = COMPARISON_RUNS
 ) -> tuple[str, ...]:
     """Say what the other stack does in the world of a failure, and what copies say of both.
 
@@ -154,7 +133,7 @@ def compared_sentences(
     return tuple(parts)
 
 
-def _chance_text(copies: PerturbedRuns, most: int) -> str:
+def _chance_text(copies: PerturbedRuns | Vote, most: int) -> str:
     chance = chance_in_vote(copies, most)
     return (
         f"{copies.failed} of {copies.runs} ({interval_text(chance.low, chance.high, chance.level)})"
@@ -225,7 +204,7 @@ def show_trial(directory: Place, id: str | int) -> TrialRecord:
     Raises:
         StoreError: not a campaign, or no such trial.
     """
-    return open_campaign(directory).record(str(id))
+    return read_trial(Path(directory), id).record(id)
 
 
 def of_other_stack(campaign: Campaign, record: TrialRecord) -> tuple[Campaign, TrialRecord]:

@@ -19,7 +19,8 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import PerturbedRuns, TrialRecord
+from mrta_falsify.core.record import Origin, SearchData, TrialRecord
+from mrta_falsify.core.run_result import RunResult, Vote
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.verdict import Verdict
 
@@ -66,8 +67,7 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
         candidate = Candidate(number=number, u=u, seed=candidate_seed(settings.seed, number))
         record = TrialRecord(
             candidate=candidate,
-            status="rejected",
-            proposal_digest=point_digest(u),
+            origin=Origin(proposal=point_digest(u)),
             error="no scene",
         )
         if len(u) and u[0] > params.get("reject_above", 1.0):
@@ -80,19 +80,23 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
             violated_at=12.0 if margin < 0.0 else None,
         )
         copies = margin + np.linspace(0.0, 0.3, settings.jittered)
-        done = TrialRecord(
-            candidate=candidate,
-            status="ok",
-            proposal_digest=record.proposal_digest,
+        result = RunResult(
+            status="judged",
             verdicts=(verdict,),
-            objectives={"no_deadlock": margin},
-            score=margin,
+            margins={"no_deadlock": margin},
             signature="no_deadlock" if margin < 0.0 else "",
-            jittered=PerturbedRuns(runs=len(copies), failed=int((copies < 0.0).sum()))
-            if len(copies) and margin < 0.0
-            else None,
+            rank="primary" if margin < 0.0 else "none",
             sim_time=60.0,
             wall_s=params.get("sleep", 0.0),
+        )
+        done = TrialRecord(
+            candidate=candidate,
+            origin=record.origin,
+            result=result,
+            vote=Vote(runs=len(copies), failed=int((copies < 0.0).sum()))
+            if len(copies) and margin < 0.0
+            else None,
+            search=SearchData(score=margin),
         )
         return codec.encode(done)
 

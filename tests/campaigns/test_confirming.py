@@ -9,7 +9,8 @@ from click.testing import CliRunner
 from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.record import EngineRun, PerturbedRuns, TrialRecord
+from mrta_falsify.core.record import EngineRun, TrialRecord
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.verbs.campaign import campaign
 from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
 from tests.quick_program import PROGRAM
@@ -20,9 +21,7 @@ def call(*words):
 
 
 def run_on(engine: str, failed: bool, copies: tuple[int, int]) -> EngineRun:
-    return EngineRun(
-        engine=engine, failed=failed, jittered=PerturbedRuns(runs=copies[1], failed=copies[0])
-    )
+    return EngineRun(engine=engine, failed=failed, vote=Vote(runs=copies[1], failed=copies[0]))
 
 
 @pytest.mark.parametrize(
@@ -30,17 +29,21 @@ def run_on(engine: str, failed: bool, copies: tuple[int, int]) -> EngineRun:
     [(True, (2, 4), True), (True, (1, 3), False), (False, (3, 4), True), (False, (0, 4), False)],
 )
 def test_a_world_fails_on_an_engine_where_most_of_its_runs_do(failed, copies, fails):
-    assert run_on("mujoco", failed, copies).fails is fails
+    assert run_on("mujoco", failed, copies).total.robust is fails
 
 
 @pytest.mark.slow
 def test_a_record_says_where_a_failure_fails_and_where_not(records):
     record = dataclasses.replace(
-        records[0], confirmed=(run_on("mujoco", True, (3, 3)), run_on("kinematic", False, (1, 4)))
+        records[0],
+        engines={
+            "mujoco": run_on("mujoco", True, (3, 3)),
+            "kinematic": run_on("kinematic", False, (1, 4)),
+        },
     )
     assert record.confirmation == "fails on mujoco 4 of 4; not on kinematic 1 of 5"
-    assert codec.decode(TrialRecord, codec.encode(record)).confirmed == record.confirmed
-    assert "confirmed" not in codec.encode(dataclasses.replace(record, confirmed=()))
+    assert codec.decode(TrialRecord, codec.encode(record)).engines == record.engines
+    assert "engines" not in codec.encode(dataclasses.replace(record, engines={}))
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +76,10 @@ def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records
     failed = [record for record in records if record.is_primary]
     assert failed
     for record in records:
-        engines = [run.engine for run in record.confirmed]
+        engines = list(record.engines)
         assert engines == (["mujoco"] if record.is_primary else [])  # not where it was found
-    run = failed[0].confirmed[0]
-    assert 1 < run.runs <= 5
+    run = failed[0].engines["mujoco"]
+    assert 1 < run.total.runs <= 5
     assert run.failed == bool(run.violated)
     assert run.trace_digest not in ("", failed[0].trace_digest)
 

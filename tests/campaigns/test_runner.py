@@ -17,6 +17,7 @@ from mrta_falsify.campaigns.store import RECORDS, Store, StoreError, read_campai
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError
+from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs.campaign import resume_campaign
 from tests.campaigns.logs import files_of_trials, log_without_times
 from tests.campaigns.standin import settings
@@ -99,8 +100,8 @@ def test_where_copies_are_asked_for_only_robust_failures_are_wanted(tmp_path):
     assert ended == "stop-after"
     assert progress.robust == 4 < progress.failed
     for record, feedback in told:
-        assert record.failed == (record.jittered is not None)
-        most = record.failed and record.jittered.failed > 4
+        assert record.failed == (record.vote is not None)
+        most = record.failed and record.vote.failed > 4
         assert record.is_robust == most
         assert feedback.failed == record.failed
         assert (feedback.signature == record.signature) == (record.is_robust or not record.failed)
@@ -298,9 +299,9 @@ def test_errors_that_an_older_version_stored_stay_and_are_told_as_rejected(tmp_p
     with Store.create(tmp_path, settings()) as store:
         _run(store, budget=6)
         whole = dict(store.finished)
-    old = [dataclasses.replace(whole[n], verdicts=(), score=0.0) for n in (1, 2)]
     old = [
-        dataclasses.replace(r, status=s) for r, s in zip(old, ("crashed", "timeout"), strict=True)
+        changed(whole[n], verdicts=(), score=0.0, status=status)
+        for n, status in ((1, "error"), (2, "timeout"))
     ]
     (tmp_path / RECORDS).unlink()
     with Store.resume(tmp_path) as store:

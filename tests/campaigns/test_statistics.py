@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mrta_falsify.campaigns.statistics import (
-    blaker_interval,
-    failure_probability,
-    why_no_probability,
-)
+from mrta_falsify.campaigns.statistics import why_no_probability
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.probability import blaker_interval, failure_probability
 from tests.campaigns.standin import settings
 
 

@@ -13,13 +13,14 @@ from mrta_falsify.core.candidate import Candidate, Dimension, SearchSpace
 from mrta_falsify.core.errors import InputError, InputNote, PlaceError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import changed, trial_record
 from tests.campaigns.standin import settings
 
 
 def _record(number: int, *, rho: float = 1.0) -> TrialRecord:
     verdict = Verdict(spec="no_deadlock", robustness=rho, violated=rho < 0.0, evidence={"a": [1]})
     candidate = Candidate(number=number, u=np.array([0.1, 1.0 / 3.0]), seed=number)
-    return TrialRecord(candidate=candidate, status="ok", verdicts=(verdict,), score=rho)
+    return trial_record(number, candidate=candidate, verdicts=(verdict,), score=rho)
 
 
 def test_what_is_added_is_read_back_bit_by_bit(tmp_path):
@@ -131,7 +132,7 @@ def test_each_dimension_is_a_column_with_values_as_a_person_reads_them(tmp_path)
         )
     )
     with Store.create(tmp_path, dataclasses.replace(settings(), space=space)) as store:
-        store.add(dataclasses.replace(_record(0), values=(0.0, 4.5)))
+        store.add(changed(_record(0), values=(0.0, 4.5)))
         frame = read_campaign(tmp_path).frame()
     assert frame["trolley_2.active"].tolist() == [True]
     assert frame["bed_1.position.0"].tolist() == [4.5]
@@ -151,7 +152,7 @@ def test_an_unknown_trial_is_refused_with_what_there_is(tmp_path):
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ('"status":"ok"', '"status":"fine"', "status is 'fine'"),
+        ('"status":"judged"', '"status":"fine"', "status is 'fine'"),
         ('"violated":false', '"violated":true', "verdicts"),
         ('"score":1.0', '"score":1.0,"score":2.0', "score is there twice"),
         ('"score":1.0', '"score":' + "9" * 400, "must be finite"),

@@ -60,7 +60,7 @@ def test_what_both_fail_at_is_counted_and_is_no_find(campaign, found):
     assert resumed.exit_code == 1, resumed.stderr
     assert "1 world on which only this stack fails" in resumed.stdout
     assert "ended: stop-after" in resumed.stdout
-    assert found.jittered.robust
+    assert found.vote.robust
     assert found.other.passes_most
     stored = read_campaign(directory).settings.trials
     assert stored.against.defects == ()

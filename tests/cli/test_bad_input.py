@@ -13,9 +13,8 @@ from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core import parsing
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.candidate import Candidate
-from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import trial_record
 
 TASKS = {
     "tasks_stream": [{"arrival": 0, "tasks": [{"start": 0, "end": 1, "deadline": 90}]}],
@@ -267,9 +266,9 @@ def campaign(tmp_path: Path) -> Path:
     ) as store:
         for number, verdicts in enumerate(((), (late,))):
             store.add(
-                TrialRecord(
-                    candidate=Candidate(number=number, u=frozen_array(np.zeros(0))),
-                    status="ok",
+                trial_record(
+                    number,
+                    frozen_array(np.zeros(0)),
                     verdicts=verdicts,
                     signature="deadlines" if verdicts else "",
                     trace_file=f"trials/{number:04d}/trace.zip" if verdicts else "",

@@ -17,7 +17,8 @@ from mrta_falsify.cli import campaign_output, compare_command, output
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.record import PerturbedRuns
+from mrta_falsify.core.run_result import Vote
+from mrta_falsify.testing.records import trial_record
 from mrta_falsify.verbs import doctor
 from mrta_falsify.verbs.campaign import run_store
 from mrta_falsify.verbs.replay import replay
@@ -271,8 +272,6 @@ def test_the_expected_runs_are_said_beside_the_maximum(capsys):
 
 def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tmp_path):
     from mrta_falsify.campaigns.runner import Progress
-    from mrta_falsify.core.candidate import Candidate
-    from mrta_falsify.core.record import TrialRecord
 
     now = [0.0]
     monkeypatch.setattr(campaign_output.time, "monotonic", lambda: now[0])
@@ -280,7 +279,7 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
     with campaign_output.CampaignWatch(tmp_path) as watch:
         for number in range(8):
             now[0] += 5.0
-            record = TrialRecord(candidate=Candidate(number=number, u=[]), status="ok")
+            record = trial_record(number)
             counts.take(record)
             watch.on_feedback(record, counts)
     (first, second) = capsys.readouterr().err.splitlines()
@@ -314,9 +313,9 @@ def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
 
     campaign = mf.open_campaign(RECORDED / "beds")
     counts = Progress(campaign.settings, limits=Limits(stop_after=1))
-    few = PerturbedRuns(runs=4, failed=0)
+    few = Vote(runs=4, failed=0)
     for record in campaign.records:
-        counts.take(dataclasses.replace(record, jittered=few) if record.failed else record)
+        counts.take(dataclasses.replace(record, vote=few) if record.failed else record)
     result = CampaignResult(campaign=campaign, progress=counts, ended="budget", wall_s=1.0)
     campaign_output.print_campaign(result)
     out = capsys.readouterr().out

@@ -80,7 +80,7 @@ def test_a_campaign_sets_shut_worlds_apart_and_says_what_shuts_them(cli, campaig
     ]
     for record in apart:
         assert "task1: ward_1 is shut by trolley" in record.error
-        assert [way.task for way in record.shut] == [1, 2]
+        assert [way.task for way in record.origin.shut] == [1, 2]
         assert not record.verdicts
     text = cli("campaign", "--resume", str(directory)).stdout
     assert f"impossible: ward_1 shut by trolley ({len(apart)})" in text
@@ -89,7 +89,7 @@ def test_a_campaign_sets_shut_worlds_apart_and_says_what_shuts_them(cli, campaig
 def test_with_shut_rooms_such_worlds_are_run_and_still_said_to_be_shut(cli, campaigns):
     stored = campaigns[True].campaign
     assert [record.status for record in stored.records] == ["ok"] * BUDGET
-    shut = [record for record in stored.records if record.shut]
+    shut = [record for record in stored.records if record.origin.shut]
     assert len(shut) == summarise_campaign(campaigns[True]).shut[0].worlds
     for record in shut:
         assert record.failed

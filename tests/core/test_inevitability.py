@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.inevitability import (
     ChanceCurve,
     RewoundTo,
@@ -14,6 +13,7 @@ from mrta_falsify.core.inevitability import (
     moves_the_turn,
     turn_of,
 )
+from mrta_falsify.core.probability import failure_probability
 
 FOUND = 40.0  # s
 

@@ -37,7 +37,8 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.record import Origin, TrialRecord
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.seeding import candidate_seed, stream
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.process.ending import Ending
@@ -85,10 +86,8 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
         digest, said = episode(MODES[number % len(MODES)], mark)
         record = TrialRecord(
             candidate=Candidate(number=number, u=u, seed=candidate_seed(settings.seed, number)),
-            status="ok",
-            proposal_digest=point_digest(u),
-            trace_digest=digest,
-            signature=said,
+            origin=Origin(proposal=point_digest(u)),
+            result=RunResult(status="judged", trace=digest, signature=said),
         )
         return codec.encode(record)
 

@@ -10,10 +10,10 @@ import yaml
 from click.testing import CliRunner
 
 import mrta_falsify as mf
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.campaigns.stats import RepeatCounts
 from mrta_falsify.cli.group import main
 from mrta_falsify.core import codec
+from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.trial import Judged, campaign_specifications
@@ -108,8 +108,8 @@ def search(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_failure_by_chance_comes_again_now_and_then(search):
     record = search("coin", verify=20)
-    assert record.coupling == "stepped"
-    found = record.repeated
+    assert record.result.coupling == "stepped"
+    found = record.repeats
     assert 0 < found.same.failures < 20  # fails once in half a million
     assert found.same.trials == 20
     assert found.same.low < found.same.estimate < found.same.high
@@ -122,16 +122,16 @@ def test_a_failure_by_chance_comes_again_now_and_then(search):
     (page,) = mf.report("runs")
     assert str(found) in page.read_text()
     data = codec.encode(campaign.record(record.id))
-    assert codec.decode(TrialRecord, data, where="record").repeated == found
+    assert codec.decode(TrialRecord, data, where="record").repeats == found
 
 
 @pytest.mark.slow
 def test_a_failure_of_a_deterministic_stack_comes_again_every_time(search):
-    found = search("raises").repeated
+    found = search("raises").repeats
     assert (found.same.failures, found.same.trials, found.identical) == (4, 4, 4)
     assert found.same.high == 1.0
 
 
 @pytest.mark.slow
 def test_nothing_is_run_again_where_the_user_does_not_want_it(search):
-    assert search("raises", verify=0).repeated is None
+    assert search("raises", verify=0).repeats is None

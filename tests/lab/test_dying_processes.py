@@ -11,8 +11,8 @@ import sys
 import pytest
 
 from mrta_falsify.core.errors import HarnessError
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.lab import Lab
-from mrta_falsify.lab.experiment import RunResult
 from mrta_falsify.process.pool import Pool
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills workers of Linux")

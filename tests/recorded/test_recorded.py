@@ -34,7 +34,7 @@ ANYWHERE = ("world_digest", "ended", "signature", "layer")
 
 def _recorded_here() -> bool:
     """Whether libraries and machine are those of the record; our own version may be another."""
-    then = dict(read_campaign(CAMPAIGNS / "beds").records[0].versions)
+    then = dict(read_campaign(CAMPAIGNS / "beds").records[0].origin.versions)
     return then | {"mrta-falsify": ""} == versions() | {"mrta-falsify": ""}
 
 

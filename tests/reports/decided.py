@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.inevitability import ChanceCurve, Inevitability, RewoundTo
+from mrta_falsify.core.probability import failure_probability
 
 NAME = "queue policy: <another>"
 

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
-from mrta_falsify.campaigns.signature import signature, signature_before
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
-from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.testing.planted import PLANTS
+from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import Job, Judged, judge, on_kinematic_engine
 from mrta_falsify.verbs.stored_trials import open_campaign
 
@@ -71,25 +72,25 @@ def stored(directory: Path, job: Job, judged: Judged) -> Campaign:
         cube=Cube(dimensions=2),
         rules=RULES,
     )
-    record = TrialRecord(
-        candidate=Candidate(number=0, u=np.zeros(2)),
-        status="ok",
-        world_digest=world.digest(),
+    record = trial_record(
+        0,
+        np.zeros(2),
+        world=world.digest(),
         verdicts=judged.verdicts,
-        objectives=judged.margins,
         descriptors=judged.descriptors,
         score=search_score(judged.margins),
         signature=signature(judged.verdicts),
-        signature_before=signature_before(judged.verdicts),
         layer=guess(judged.verdicts, judged.outcome.trace).layer,
         trace_file="trials/0000/trace.zip",
-        trace_digest=judged.outcome.trace.digest,
+        trace=judged.outcome.trace.digest,
         engine=config.engine.name,
         ended=judged.outcome.ended,
         sim_time=judged.outcome.sim_time,
         attempts=1,
         versions=versions(),
     )
+    result = dataclasses.replace(record.result, margins=judged.margins)
+    record = dataclasses.replace(record, result=result)
     with Store.create(directory, settings) as store:
         folder = trial_folder(directory, 0)
         folder.mkdir(parents=True)

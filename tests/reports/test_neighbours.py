@@ -15,6 +15,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs import made_again
 from mrta_falsify.verbs.report import neighbours
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
@@ -42,12 +43,10 @@ def campaign(stored_failure):
 
     def at(number, x, people, record=failure):
         candidate = dataclasses.replace(failure.candidate, number=number, u=np.array([x, people]))
-        return dataclasses.replace(
-            record, candidate=candidate, values=(10.0 * x, float(int(4 * people)))
-        )
+        return changed(record, candidate=candidate, values=(10.0 * x, float(int(4 * people))))
 
     holds = Verdict(spec="no_deadlock", robustness=1.0, violated=False)
-    passing = dataclasses.replace(failure, verdicts=(holds,), signature="", layer="", trace_file="")
+    passing = changed(failure, verdicts=(holds,), signature="", layer="", trace_file="")
     settings = dataclasses.replace(
         stored_failure.settings, cube=Cube(dimensions=2, levels=(0, 4)), space=SPACE,
         sampler=Choice("random"),
@@ -84,7 +83,7 @@ def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(
     near = elsewhere.records[3]
     monkeypatch.setattr(made_again, "stored_world", lambda *_: world)
     monkeypatch.setattr(made_again, "rerun", lambda *_: judged)
-    other = dataclasses.replace(near, trace_digest="0" * 64)
+    other = changed(near, trace="0" * 64)
     with pytest.raises(InputError, match="runs differently now"):
         made_again.keep_run(elsewhere, other)
     assert not elsewhere.folder(near).exists()
@@ -100,7 +99,7 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
         u = stream.random(2)
         record = failure if u[0] > 0.5 else passing
         candidate = dataclasses.replace(record.candidate, number=number, u=u)
-        records.append(dataclasses.replace(record, candidate=candidate, values=(10.0 * u[0], None)))
+        records.append(changed(record, candidate=candidate, values=(10.0 * u[0], None)))
     many = dataclasses.replace(campaign, records=tuple(records))
     ranking = rank_dimensions(many, records)
     assert ranking.is_even
@@ -110,7 +109,7 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
     assert first.parts[-1].high == pytest.approx(max(r.values[0] for r in records))
     table = trial_table(many, many.stats().modes, [1, 0])
     assert table.parameters == ("people", "bed.x")
-    assert table.rows[0].values == (None, records[0].values[0])
+    assert table.rows[0].values == (None, records[0].origin.values[0])
     failed = [record.id for record in records if record.failed]
     layers = dict.fromkeys(failed, "queue_policy")
     told = " ".join(summary_sentences(many, many.stats(), ranking.mattering, layers))

@@ -13,6 +13,7 @@ from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.library import default_specifications
+from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import late_or_undone
 from mrta_falsify.verbs.report.build import build_report
 from mrta_falsify.verbs.stored_trials import list_trials, open_campaign, show_trial, what_happened
@@ -38,7 +39,7 @@ def drawn_campaign(planted, directory, seed: int):
     with Store.create(directory, planted.settings) as store:
         for number in range(random.integers(1, 12)):
             candidate = dataclasses.replace(deadlock.candidate, number=number)
-            record = dataclasses.replace(deadlock, candidate=candidate, trace_file="")
+            record = changed(deadlock, candidate=candidate, trace_file="")
             broken = random.choice(SPECS, size=random.integers(3), replace=False)
             if random.random() < 0.7:
                 verdicts = tuple(
@@ -52,22 +53,16 @@ def drawn_campaign(planted, directory, seed: int):
                     for name in broken
                 )
                 after = len(broken) > 0 and set(broken) <= set(late_or_undone())
-                record = dataclasses.replace(
+                rank = ("secondary" if after else "primary") if verdicts else "none"
+                record = changed(
                     record,
                     verdicts=verdicts,
+                    rank=rank,
                     signature=signature(verdicts),
                     score=-1.0 if verdicts else 0.5,
-                    is_afterthought=after,
                 )
             if random.random() < 0.2:
-                record = dataclasses.replace(
-                    record,
-                    status="crashed",
-                    verdicts=(),
-                    signature="",
-                    is_afterthought=False,
-                    error="gone",
-                )
+                record = changed(record, status="error", verdicts=(), signature="", error="gone")
             store.add(record)
     return open_campaign(directory)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
 from html.parser import HTMLParser
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 import pytest
@@ -16,11 +18,14 @@ from mrta_falsify.cli import main
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import Job, on_kinematic_engine
 from mrta_falsify.verbs import report as reporting
+from mrta_falsify.verbs.report import build
 from mrta_falsify.verbs.stored_trials import open_campaign
-from reports.page import render_page
+from reports.page import draw_cases, render_page
 from tests import browser
 from tests.reports.newcomer import lines_of
 from tests.reports.planted import stored
@@ -49,7 +54,7 @@ def text_of(campaign):
 def passing(campaign, number):
     """A record of a trial that holds."""
     (record,) = campaign.records
-    return dataclasses.replace(
+    return changed(
         record,
         candidate=dataclasses.replace(record.candidate, number=number),
         verdicts=(Verdict(spec=SPEC, robustness=0.4, violated=False),),
@@ -57,7 +62,7 @@ def passing(campaign, number):
         signature="",
         layer="",
         trace_file="",
-        world_digest=f"{number:064d}",
+        world=f"{number:064d}",
     )
 
 
@@ -117,10 +122,10 @@ def test_a_campaign_of_rejected_scenes_and_errors_says_that_nothing_was_judged(c
     rows = [
         TrialRecord(
             candidate=dataclasses.replace(record.candidate, number=number),
-            status=status,
+            result=RunResult(status=status) if status else None,
             error=f"Traceback\n\x1b[31mworker {number} ended by signal 9\x1b[0m",
         )
-        for number, status in enumerate(("rejected", "crashed", "timeout"))
+        for number, status in enumerate(("", "error", "timeout"))
     ]
     broken = with_records(campaign, tmp_path / "broken", *rows)
     result = report(broken.directory, "--junit", tmp_path / "j.xml")
@@ -176,9 +181,8 @@ def test_a_campaign_of_another_version_is_refused_in_words(campaign):
 
 def test_trials_of_different_versions_are_pointed_out(campaign, tmp_path):
     (record,) = campaign.records
-    other = dataclasses.replace(
-        passing(campaign, 1), versions={**record.versions, "numpy": "0.0.1"}
-    )
+    versions = {**record.origin.versions, "numpy": "0.0.1"}
+    other = changed(passing(campaign, 1), versions=versions)
     mixed = with_records(campaign, tmp_path / "mixed", record, other)
     assert report(mixed.directory).exit_code == 0
     assert "Trials were run by different versions of numpy" in text_of(mixed)
@@ -220,9 +224,11 @@ def evil(stalled, tmp_path):
     job = Job(world=named, config=config, specifications=(SPEC,))
     campaign = stored(tmp_path / "evil", job, renamed)
     (record,) = campaign.records
-    record = dataclasses.replace(record, signature=f"{SPEC}/{EVIL}")
+    record = changed(record, signature=f"{SPEC}/{EVIL}")
     crashed = TrialRecord(
-        candidate=dataclasses.replace(record.candidate, number=1), status="crashed", error=EVIL
+        candidate=dataclasses.replace(record.candidate, number=1),
+        result=RunResult(status="error"),
+        error=EVIL,
     )
     return dataclasses.replace(campaign, records=(record, crashed))
 
@@ -264,16 +270,16 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     (record,) = campaign.records
     records = []
     for number in range(10_000):
-        row = dataclasses.replace(
+        row = changed(
             record if number % 3 == 0 else passing(campaign, number),
             candidate=dataclasses.replace(record.candidate, number=number),
             descriptors={"x": number % 97 / 97, "y": number % 89 / 89},
         )
         if number % 3 == 0:  # in 700 modes, each with a run of its own to show
-            row = dataclasses.replace(row, signature=f"{record.signature}/{number % 2100}")
+            row = changed(row, signature=f"{record.signature}/{number % 2100}")
         if number % 100 == 1:
-            row = dataclasses.replace(
-                row, status="crashed", verdicts=(), error=f"Traceback\nerror {number % 300}"
+            row = changed(
+                row, status="error", verdicts=(), error=f"Traceback\nerror {number % 300}"
             )
         records.append(row)
     many = _ManyFolders(
@@ -291,6 +297,35 @@ def test_ten_thousand_trials_make_a_page_of_a_few_megabytes(campaign):
     assert any(re.match(r"\d+ trials: error 1$", line) for line in lines)
 
 
+def test_cases_behind_the_first_ones_are_pages_beside_the_page(campaign, tmp_path, monkeypatch):
+    (record,) = campaign.records
+    rows = [
+        dataclasses.replace(record, candidate=dataclasses.replace(record.candidate, number=i))
+        for i in range(4)
+    ]
+    many = _ManyFolders(
+        directory=campaign.directory, settings=campaign.settings, records=tuple(rows)
+    )
+    monkeypatch.setattr(build, "PAGE_CASES", 1)
+    page = reporting.write_report(many, tmp_path / "a page.html", cases=3)
+    links = re.findall(r'href="(a%20page[^"]+)"', page.read_text())
+    assert links == [f"a%20page.cases/trial-000{i}.html" for i in (1, 2)]
+    assert page.read_text().count("<article ") == 1
+    assert "Without a replay here: 0003." in " ".join(lines_of(page.read_text()))
+    for link in links:
+        case = page.parent / unquote(link)
+        text = case.read_text()
+        assert text.count("<article ") == 1
+        assert 'href="../a%20page.html"' in text
+        assert "http" not in re.sub(r"http://www.w3.org/\d+/\w+", "", text)
+    case.write_text("as before")
+    reporting.write_report(many, page, cases=3, refresh=5)  # it is newer than its trial
+    assert case.read_text() == "as before"
+    os.utime(case, (0, 0))
+    reporting.write_report(many, page, cases=3, refresh=5)
+    assert case.read_text() == text
+
+
 class _ManyFolders(Campaign):
     """A campaign whose trials all have the files of the first one."""
 
@@ -302,7 +337,7 @@ def test_two_stacks_are_compared_by_mode_and_world_by_world(campaign, tmp_path):
     (record,) = campaign.records
     fine = passing(campaign, 1)
     one = with_records(campaign, tmp_path / "one", record, fine)
-    cured = dataclasses.replace(passing(campaign, 0), world_digest=record.world_digest)
+    cured = changed(passing(campaign, 0), world=record.world_digest)
     other_stack = dataclasses.replace(campaign.settings.trials.stack, planner=Choice("ompl"))
     two = with_records(campaign, tmp_path / "two", cured, fine, stack=other_stack)
     result = report(one.directory, "--against", two.directory, "--markdown", tmp_path / "r.md")
@@ -349,8 +384,11 @@ def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
     whole = render_page(found)
     assert whole.count("<article ") == 4
     room = [len(whole) // part for part in (1, 2, 4, 8, 16)]
-    shown = [render_page(found, most_bytes=most).count("<article ") for most in room]
+    shown = [
+        render_page(found, drawn=draw_cases(found, most_bytes=most)).count("<article ")
+        for most in room
+    ]
     assert shown == sorted(shown, reverse=True)
     assert any(1 < count < 4 for count in shown)
-    least = " ".join(lines_of(render_page(found, most_bytes=1)))
+    least = " ".join(lines_of(render_page(found, drawn=draw_cases(found, most_bytes=1))))
     assert "Without a replay here: 0001, 0002, 0003." in least

@@ -97,7 +97,7 @@ def test_a_command_on_a_full_disk_names_the_file_and_leaves_what_was_there(
 
 def test_a_report_is_there_whole_or_as_before_at_any_size_of_the_disk(folder, monkeypatch):
     page = "x" * 3000
-    monkeypatch.setattr(build, "write_page", lambda report, path, most_bytes: write(path, page))
+    monkeypatch.setattr(build, "write_page", lambda report, path, drawn: write(path, page))
 
     def write(path, text):
         minimising.write_atomically(path, text.encode())

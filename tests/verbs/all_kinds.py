@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mrta_falsify.campaigns.record_formats import migrated
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign, Store, read_campaign
+from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.feedback import Cube
@@ -92,17 +94,18 @@ def judged(number: int, *verdicts: Verdict, **fields: object) -> TrialRecord:
         "scene_s": 0.5,
         "attempts": 1 + number % 2,
     }
-    return TrialRecord(**{**told, **fields})  # type: ignore[arg-type]
+    return flat(**{**told, **fields})
 
 
 def lost(number: int, status: str, error: str, **fields: object) -> TrialRecord:
-    return TrialRecord(
-        candidate=Candidate(number=number, u=np.array([number / 16.0])),
-        status=status,  # type: ignore[arg-type]
-        error=error,
-        scene_s=0.25,
-        **fields,  # type: ignore[arg-type]
-    )
+    candidate = Candidate(number=number, u=np.array([number / 16.0]))
+    return flat(candidate=candidate, status=status, error=error, scene_s=0.25, **fields)
+
+
+def flat(**fields: object) -> TrialRecord:
+    """Make a record by the names that its parts have in format 2."""
+    data = {name: codec.encode(value) for name, value in fields.items()}
+    return codec.decode(TrialRecord, migrated(data))
 
 
 RECORDS = (

@@ -18,14 +18,14 @@ from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.store import Store, trial_folder
 from mrta_falsify.core import codec
-from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import TrialRecord, versions
+from mrta_falsify.core.record import versions
 from mrta_falsify.core.trace import Trace, write_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, write_world
+from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import on_kinematic_engine
 
 PROGRAM = """
@@ -123,14 +123,14 @@ def make_folder(tmp_path: Path, world: World, trace: Trace) -> Folder:
         violated_at=3.0,
         who=("robot1",),
     )
-    record = TrialRecord(
-        candidate=Candidate(number=0, u=np.zeros(1)),
-        status="ok",
-        world_digest=world.digest(),
+    record = trial_record(
+        0,
+        np.zeros(1),
+        world=world.digest(),
         verdicts=(verdict,),
         signature="no_robot_static_contact/robot-wall",
         trace_file="trials/0000/trace.zip",
-        trace_digest=trace.digest,
+        trace=trace.digest,
         versions=versions(),
     )
     with Store.create(directory, settings) as store:

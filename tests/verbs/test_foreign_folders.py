@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from mrta_falsify.core.errors import InputError, NeedsOption
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.user_state import KEY, TRUSTED, secret_key, state_folder
 from mrta_falsify.core.world import World
+from mrta_falsify.testing.records import changed
 from tests.verbs.foreign_folders import OF_RESUMING, OF_RUNS, Folder, make_folder
 
 BAD_INPUT = 2
@@ -349,7 +349,7 @@ def test_what_is_missing_is_said(folder: Folder) -> None:
 def test_an_empty_digest_is_equal_to_nothing(folder: Folder) -> None:
     path = folder.directory / "records.jsonl"
     record = mf.open_campaign(folder.directory).records[0]
-    path.write_bytes(store._line(dataclasses.replace(record, world_digest="")))
+    path.write_bytes(store._line(changed(record, world="")))
     with pytest.raises(InputError, match="no digest"):
         mf.export(folder.directory, 0, format="nav2", output="out")
     folder.set("trials", "sources_digest", value="")

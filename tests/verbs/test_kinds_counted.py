@@ -12,22 +12,23 @@ import pytest
 from click.testing import CliRunner
 
 import mrta_falsify as mf
+from mrta_falsify.campaigns.record_formats import flat_record
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import Progress, feedback_of
 from mrta_falsify.campaigns.settings import CampaignSettings, Limits, TrialSettings
-from mrta_falsify.campaigns.signature import signature, signature_before
+from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.cli import main
-from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice, ExternalStack, StackConfig
 from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.perturbed_runs import NO_COMPARISON, trial_score
 from mrta_falsify.specs.attribution import WORLD, suspect
-from mrta_falsify.specs.causes import kind_of
+from mrta_falsify.specs.causes import group_of, kind_of
 from mrta_falsify.specs.descriptors import Descriptors
 from mrta_falsify.specs.objectives import objectives
+from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import SETTLE, Job, Judged, TrialWatch
 from mrta_falsify.verbs.campaign import CampaignResult
 from mrta_falsify.verbs.campaign_summary import summarise_campaign
@@ -80,17 +81,15 @@ def judged(verdicts):
 
 def record_of(number, verdicts):
     run = judged(verdicts)
-    return TrialRecord(
-        candidate=Candidate(number=number, u=np.zeros(1)),
-        status="ok",
+    result = RunResult(
+        status="judged",
         verdicts=verdicts,
-        objectives=run.margins,
-        score=trial_score(run, NO_COMPARISON),
-        is_afterthought=run.failed and not run.is_primary and not run.is_shut,
-        is_shut=run.is_shut,
+        margins=run.margins,
+        rank=run.rank,
         signature=signature(verdicts),
-        signature_before=signature_before(verdicts),
     )
+    score = trial_score(run, NO_COMPARISON)
+    return trial_record(number, np.zeros(1), result=result, score=score)
 
 
 @pytest.fixture(scope="module")
@@ -127,12 +126,12 @@ def test_a_shut_place_is_neither_sought_nor_wanted_nor_the_first_failure():
         told = feedback_of(record, Cube(dimensions=1), LAST)
         is_shut = number < 2
         assert record.failed
-        assert (record.is_primary, record.is_robust, record.is_shut) == (
+        assert (record.is_primary, record.is_robust, group_of(record.result) == "shut") == (
             not is_shut,
             not is_shut,
             is_shut,
         )
-        assert record.is_reported
+        assert record.rank == ("secondary" if is_shut else "primary")
         assert (record.score < 0.0, told.failed, told.score < 0.0) == (not is_shut,) * 3
         assert ("no_deadlock" in told.objectives) != is_shut
         assert progress.has_enough != is_shut
@@ -181,8 +180,8 @@ def test_list_show_frame_and_report_tell_the_kind(directory, tmp_path):
 def test_a_campaign_of_earlier_rules_is_not_labelled_anew(tmp_path):
     recorded = Path(__file__).parent.parent / "recorded" / "campaigns" / "stalls"
     for record in read_campaign(recorded).records:
-        assert not record.is_shut
-        assert record.signature_before == ""
+        assert record.rank == ("primary" if record.failed else "none")
+        assert "signature_before" not in flat_record(record, rules=1)
         assert kind_of(record.verdicts) == ("stuck" if record.failed else "")
     rows = _json("list", str(recorded))
     assert all(row["signature"].startswith("no_deadlock/1:") for row in rows if row["failed"])

@@ -12,6 +12,7 @@ from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import PerturbedRuns
 from mrta_falsify.perturbed_runs import is_decided
 from mrta_falsify.specs.objectives import search_score
+from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import campaign_specifications, primary_and_secondary
 from mrta_falsify.worker import TrialRunner, open_program
 
@@ -82,13 +83,13 @@ def test_a_missed_deadline_ends_a_trial_only_if_it_is_looked_for_first(tmp_path)
     assert first.is_robust
     assert last.failed
     assert not last.is_robust
-    assert last.is_afterthought
-    assert last.jittered is None
+    assert last.rank == "secondary"
+    assert last.vote is None
     told = feedback_of(last, Cube(), then)
     assert not told.failed
     assert told.signature == ""
     assert told.score > 0.0
-    assert last.objectives["deadlines"] < 0.0
+    assert last.result.margins["deadlines"] < 0.0
     assert set(told.objectives) == {"no_deadlock"}
 
 
@@ -111,11 +112,11 @@ def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaig
 
     opened = open_campaign(campaign.directory)
     record = opened.records[0]
-    late = dataclasses.replace(
+    late = changed(
         record,
         candidate=dataclasses.replace(record.candidate, number=1),
         signature="deadlines",
-        is_afterthought=True,
+        rank="secondary",
     )
     many = dataclasses.replace(opened, records=(late, late, late, record))
     assert [mode.signature for mode in many.stats().modes] == [record.signature, "deadlines"]

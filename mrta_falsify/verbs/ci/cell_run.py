@@ -150,7 +150,7 @@ def _found_by(project: Project, campaign: Campaign, number: int) -> Iterator[Fin
 
 def _is_sure(record: TrialRecord) -> bool:
     """Whether a failure always comes again, and most runs of its world and its copies fail."""
-    again, copies = record.repeated, record.jittered
+    again, copies = record.repeats, record.vote
     if again is not None and again.same.failures < again.same.trials:
         return False
     return copies is None or _most(1 + copies.failed, 1 + copies.runs)

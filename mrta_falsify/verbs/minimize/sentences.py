@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from mrta_falsify.campaigns.statistics import failure_probability
 from mrta_falsify.core.findings import Minimisation
-from mrta_falsify.core.probability import interval_text
+from mrta_falsify.core.probability import failure_probability, interval_text
 from mrta_falsify.core.record import PerturbedRuns
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import shlex
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import yaml
@@ -15,9 +17,11 @@ import yaml
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.stats import CampaignStats, FailureMode
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.trial_index import TrialIndex
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.durable import make_folder
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World, read_world
@@ -28,18 +32,19 @@ from mrta_falsify.verbs.campaign_summary import (
     unjudged_sentences,
 )
 from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
-from mrta_falsify.verbs.report.cases import readable_cases
+from mrta_falsify.verbs.report.cases import case_of, in_turn, readable_cases
 from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
 from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
-from mrta_falsify.verbs.report.summary import summary_sentences
+from mrta_falsify.verbs.report.summary import summary_parts, summary_sentences
 from mrta_falsify.verbs.report.trial_table import trial_table
-from mrta_falsify.verbs.stored_trials import layer_of
+from mrta_falsify.verbs.stored_trials import layer_of, row_of
 from reports.contents import CaseContents, Mode, ReportContents, TrialScores
-from reports.page import write_page
+from reports.page import draw_cases, write_page
 from reports.sentences import violation_sentence
 
 MAX_CASES = 20  # shown in full unless asked otherwise
-CASE_BYTES = 225_000  # of the page for each case that is asked for: 20 make 4.5 MB
+PAGE_CASES = 100  # on the page itself; further ones are files beside it
+BESIDE = ".cases"  # ends the name of their folder
 
 
 def write_report(
@@ -56,7 +61,8 @@ def write_report(
         campaign: to report.
         path: the HTML file.
         against: a campaign with another stack on the same scenario, to compare with.
-        cases: failures to show in full at most.
+        cases: failures to show in full at most; those that the page has no room for, and all
+            behind the first hundred, are files in a folder beside it, which the page links.
         refresh: after how many seconds an open page loads itself again; 0: never.
 
     Returns:
@@ -65,10 +71,79 @@ def write_report(
     Raises:
         PlaceError: the file cannot be written.
     """
-    report = build_report(campaign, against=against, cases=cases)
-    report = dataclasses.replace(report, refresh=refresh)
-    write_page(report, path, most_bytes=CASE_BYTES * max(cases, MAX_CASES))
+    report = build_report(campaign, against=against, cases=min(cases, PAGE_CASES))
+    drawn = draw_cases(report)
+    report = dataclasses.replace(
+        report,
+        refresh=refresh,
+        beside=_write_beside(campaign, path, report, set(drawn), cases, is_watched=refresh > 0),
+    )
+    write_page(report, path, drawn=drawn)
     return path
+
+
+def _write_beside(
+    campaign: Campaign,
+    path: Path,
+    report: ReportContents,
+    drawn: Collection[str],
+    cases: int,
+    *,
+    is_watched: bool,
+) -> dict[str, str]:
+    """Write the cases that the page has no room for beside it, one page each.
+
+    Args:
+        campaign: to report.
+        path: of the page.
+        report: what the page says.
+        drawn: ids of the cases on it.
+        cases: failures to show in full at most, those on the page included.
+        is_watched: whether pages stay that are newer than the files of their trials.
+
+    Returns:
+        Paths from the page, by id of the trial.
+    """
+    folder = path.with_name(path.stem + BESIDE)
+    beside: dict[str, str] = {}
+    for record in itertools.islice(in_turn(campaign), cases):
+        if record.id in drawn:
+            continue
+        page = folder / f"trial-{record.id}.html"
+        if not (is_watched and _is_newer(page, campaign.folder(record))):
+            try:
+                case = case_of(campaign, record)
+            except InputError:  # the page names the first of them
+                continue
+            make_folder(folder)
+            write_page(_case_page(report, case, path), page)
+        beside[record.id] = f"{quote(folder.name)}/{page.name}"
+    return beside
+
+
+def _is_newer(page: Path, folder: Path) -> bool:
+    """Whether a page was written after all files of a trial."""
+    with contextlib.suppress(OSError):
+        written = page.stat().st_mtime_ns
+        return all(file.stat().st_mtime_ns < written for file in folder.iterdir())
+    return False
+
+
+def _case_page(report: ReportContents, case: CaseContents, path: Path) -> ReportContents:
+    """Make the page of one case beside that of its campaign."""
+    verdict = leading(case.verdicts)
+    happened = violation_sentence(verdict) if verdict is not None else ""
+    mode = Mode(signature=case.signature, ids=(case.id,), cases=(case,), happened=happened)
+    return ReportContents(
+        title=f"Trial {case.id} of {report.title}",
+        headline=happened,
+        facts=(),
+        modes=(mode,),
+        stack=report.stack,
+        other_stack=report.other_stack,
+        versions=report.versions,
+        whole=f"../{quote(path.name)}",
+    )
 
 
 def build_report(
@@ -86,7 +161,7 @@ def build_report(
     failed = [record for record in judged if record.failed]
     shown, lost = readable_cases(campaign, cases)
     floor = _any_world(campaign, judged)
-    versions = next((record.versions for record in judged), {})
+    versions = next((record.origin.versions for record in judged), {})
     kinds = stats.modes
     layers = {record.id: layer_of(campaign, record) for record in failed}
     found = _modes(kinds, failed, shown, layers)
@@ -130,6 +205,19 @@ def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, .
     mattering = rank_dimensions(campaign, judged).mattering
     told = summary_sentences(campaign, stats, mattering, layers)
     return (*told, *notes_of(campaign, stats))
+
+
+def index_of(campaign: Campaign) -> TrialIndex:
+    """Make the index of a campaign, from which it is listed without its log."""
+    stats = campaign.stats()
+    judged = [record for record in campaign.records if record.status == "ok"]
+    mattering = rank_dimensions(campaign, judged).mattering
+    before, after = summary_parts(campaign, stats, mattering)
+    return TrialIndex(
+        rows=tuple(row_of(record, record.layer) for record in campaign.records),
+        ranked=frozenset(record.id for record in judged if record.rank != "none"),
+        summary=(before, (*after, *notes_of(campaign, stats))),
+    )
 
 
 def _compared_notes(settings: TrialSettings) -> tuple[str, ...]:
@@ -207,15 +295,15 @@ def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | Non
 
 def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
     places = np.array(
-        [[r.descriptors.get("x", 0.5), r.descriptors.get("y", 0.5)] for r in judged]
+        [[r.search.descriptors.get("x", 0.5), r.search.descriptors.get("y", 0.5)] for r in judged]
     ).reshape(-1, 2)
     if floor is not None:
         places = floor.bounds[:2] + places * (floor.bounds[2:] - floor.bounds[:2])
     return TrialScores(
         numbers=tuple(record.number for record in judged),
         scores=tuple(record.score for record in judged),
-        failed=tuple(record.is_reported for record in judged),
-        deadlocked=tuple(r.is_reported and kind_of(r.verdicts) == "deadlock" for r in judged),
+        failed=tuple(record.rank != "none" for record in judged),
+        deadlocked=tuple(r.rank != "none" and kind_of(r.verdicts) == "deadlock" for r in judged),
         situations=_situations_so_far(judged),
         places=places,
     )
@@ -226,6 +314,6 @@ def _situations_so_far(judged: Sequence[TrialRecord]) -> tuple[int, ...]:
     seen: set[str] = set()
     counts = []
     for record in judged:
-        seen.update(record.situations)
+        seen.update(record.search.situations)
         counts.append(len(seen))
     return tuple(counts) if seen else ()

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.config import StackConfig
 
 MAX_LOST = 20  # failures with missing files after which the others are not read
+MAX_HELD = 100_000_000  # bytes of traces that are held at once
 LOST_TOLD = 5  # of them, each of which gets a sentence
 
 
@@ -48,13 +49,15 @@ def readable_cases(campaign: Campaign, most: int) -> tuple[list[CaseContents], l
 
     Args:
         campaign: whose failures.
-        most: cases to show.
+        most: cases to show; fewer where their traces take up much memory.
     """
     cases: list[CaseContents] = []
     lost: list[str] = []
+    held = 0
     for record in in_turn(campaign):
-        if len(cases) >= most or len(lost) >= MAX_LOST:
+        if len(cases) >= most or len(lost) >= MAX_LOST or held > MAX_HELD:
             break
+        held += sum(column.nbytes for column in cases[-1].trace.columns.values()) if cases else 0
         try:
             cases.append(case_of(campaign, record))
         except InputError as error:
@@ -107,13 +110,11 @@ def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
         layer_evidence=_evidence_of_trace(record.layer, verdicts, trace, config),
         identical=(check.identical, check.runs) if check is not None else None,
         parts=_parting(check),
-        jittered=(record.jittered.failed, record.jittered.runs) if record.jittered else None,
+        jittered=(record.vote.failed, record.vote.runs) if record.vote else None,
         confirmed=record.confirmation,
-        repeated=str(record.repeated) if record.repeated else "",
+        repeated=str(record.repeats) if record.repeats else "",
         certified=claim_sentences(certificate) if certificate is not None else (),
-        compared=compared_sentences(
-            record.jittered, record.other, campaign.settings.trials.jittered
-        ),
+        compared=compared_sentences(record.vote, record.other, campaign.settings.trials.jittered),
         other=_of_other_stack(campaign, record),
         neighbour=near,
         passing=_passing(campaign, near) if near is not None and record.other is None else None,
@@ -281,7 +282,7 @@ def _facts(campaign: Campaign, record: TrialRecord) -> tuple[tuple[str, str], ..
         ("trace digest", record.trace_digest),
         *((("kind", KIND_TEXT[kind]),) if kind else ()),
         ("simulated", f"{record.sim_time:.1f} s, ended: {record.ended}"),
-        ("scenes tried", str(record.attempts)),
-        *coupling_facts(record.coupling),
-        *sorted(record.versions.items()),
+        ("scenes tried", str(record.origin.attempts)),
+        *coupling_facts(record.result.coupling if record.result else None),
+        *sorted(record.origin.versions.items()),
     )

@@ -46,7 +46,7 @@ def rank_dimensions(campaign: Campaign, judged: Sequence[TrialRecord]) -> Rankin
         points = [record.candidate.u for record in records]
         if not points or not cube.dimensions or any(len(u) != cube.dimensions for u in points):
             continue
-        failed = np.array([record.is_reported for record in records])
+        failed = np.array([record.rank != "none" for record in records])
         found = importances(np.array(points), failed, cube.levels)
         if found:
             return Ranking(found=found, is_even=is_even)

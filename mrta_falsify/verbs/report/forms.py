@@ -30,7 +30,7 @@ def junit_report(campaign: Campaign) -> str:
 def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
     failure, error, skipped = None, None, ""
     verdict = leading(record.verdicts)
-    if record.other is not None and not record.is_reported:
+    if record.other is not None and record.rank == "none":
         skipped = str(record.other)
     elif verdict is not None:
         commands = "\n".join(command for _, command in commands_of(campaign, record))

@@ -98,7 +98,7 @@ def warnings_of(campaign: Campaign, judged: Sequence[TrialRecord]) -> tuple[str,
             f"The campaign was still running when this page was written ({owner}); it shows the "
             f"{len(campaign.records)} trials finished by then."
         )
-    kinds = {tuple(sorted(record.versions.items())) for record in judged}
+    kinds = {tuple(sorted(record.origin.versions.items())) for record in judged}
     if len(kinds) > 1:
         differing = sorted({name for kind in kinds for name, _ in set(kind) - set(min(kinds))})
         warnings.append(

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.stats import OTHER, CampaignStats
 from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.trial_index import layer_sentences
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.defects import defect
 from mrta_falsify.core.probability import WIDEST
-from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.words import listed
-from mrta_falsify.specs.attribution import WORLD
 from mrta_falsify.verbs.report.trial_table import dimension_names
 
 SECONDS_PER_HOUR = 3600.0
@@ -34,16 +32,25 @@ def summary_sentences(
         mattering: dimensions that failing goes with beyond chance.
         layers: suspected layer by id of a failing trial, by re-runs where there are any.
     """
+    before, after = summary_parts(campaign, stats, mattering)
     if not stats.judged:
         return ()
-    return (
+    suspected = (layers.get(record.id, "") for record in campaign.records if record.rank != "none")
+    return (*before, *layer_sentences(suspected), *after)
+
+
+def summary_parts(
+    campaign: Campaign, stats: CampaignStats, mattering: Sequence[int]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Give the sentences before and after those on layers; see :func:`summary_sentences`."""
+    if not stats.judged:
+        return (), ()
+    before = (
         *_stack_sentences(campaign.settings.trials.stack),
         *_failure_sentences(stats),
         *_mode_sentences(stats),
-        *_layer_sentences(campaign.records, layers),
-        *_parameter_sentences(campaign, mattering),
-        *_unseen_sentences(stats),
     )
+    return before, (*_parameter_sentences(campaign, mattering), *_unseen_sentences(stats))
 
 
 def _stack_sentences(stack: StackConfig) -> list[str]:
@@ -108,17 +115,6 @@ def _mode_sentences(stats: CampaignStats) -> list[str]:
     return [
         f"They fail in {kinds}; the first of these came in trial {first.judged} of {stats.judged}."
     ]
-
-
-def _layer_sentences(records: Sequence[TrialRecord], layers: Mapping[str, str]) -> list[str]:
-    suspected = Counter(layers.get(r.id, "").replace("_", " ") for r in records if r.is_reported)
-    none, shut = suspected.pop("", 0), suspected.pop(WORLD, 0)
-    if not suspected:
-        return []
-    named = [f"the {name} ({count})" for name, count in suspected.most_common()]
-    named += [f"none ({none})"] if none else []
-    named += [f"none, the world shut a place ({shut})"] if shut else []
-    return [f"Suspected part of the stack, by trials: {listed(named)}."]
 
 
 def _parameter_sentences(campaign: Campaign, mattering: Sequence[int]) -> list[str]:

@@ -34,7 +34,7 @@ def trial_table(
     order = [*ranked, *(i for i in range(len(names)) if i not in set(ranked))]
     kept = order[: max(1, MAX_CELLS // len(records))]
     mode_of = {id: number for number, mode in enumerate(found, start=1) for id in mode.ids}
-    has_values = any(record.values for record in records)
+    has_values = any(record.origin.values for record in records)
     notes = [] if has_values or not names else ["Parameters are shares of their ranges, 0 to 1."]
     if len(kept) < len(order):
         notes.append(f"{len(order) - len(kept)} parameters are left out: the page has no room.")
@@ -67,7 +67,7 @@ def values_of(record: TrialRecord) -> tuple[float | None, ...]:
 
     A choice is told by the number of its option.
     """
-    return record.values or tuple(map(float, record.candidate.u))
+    return record.origin.values or tuple(map(float, record.candidate.u))
 
 
 def dimension_values(campaign: Campaign, record: TrialRecord) -> tuple[DimensionValue, ...]:
