@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from mrta_falsify.campaigns.code_content import content_digest
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
@@ -33,6 +34,32 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
     """
     theirs = [_digest_of(*place) for place in sorted({*places_of_stack(config, specifications)})]
     return codec.digest([versions(), [_digest_of_ours(place) for place in OURS], theirs])
+
+
+def known_code_digest(
+    stacks: Iterable[StackConfig], specifications: Iterable[str] = ()
+) -> str | None:
+    """Hash the code of stacks, of specifications and of the toolkit.
+
+    Args:
+        stacks: that run, one after the other.
+        specifications: names, as of ``--spec``.
+
+    Returns:
+        None where a stack in a process of its own may change without our seeing it: it runs
+        already, its command names no file, or there is too much beside these to read.
+    """
+    found: list[str] = []
+    names = tuple(specifications)
+    for config in stacks:
+        found.append(code_digest(config, names))
+        if config.stack is not None:
+            files = [folder / name for folder, name in _places_of_program(config.stack)]
+            content = content_digest([path for path in files if path.is_file()])
+            if not any(path.is_file() for path in files) or content is None:
+                return None
+            found.append(content)
+    return codec.digest(found)
 
 
 def places_of_stack(

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.campaigns.settings import TARGETS, CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.durable import place_error_in
@@ -61,7 +61,7 @@ def open_target(settings: CampaignSettings) -> Trial:
     Raises:
         InputError: the scenario does not compile or has changed.
     """
-    module, _, name = settings.target.partition(":")
+    module, _, name = TARGETS.get(settings.target, settings.target).partition(":")
     if not is_ours(module):
         look_here_for(module)
     opened: Trial = getattr(importlib.import_module(module), name)(settings.trials)

@@ -35,7 +35,12 @@ from typing import TYPE_CHECKING, Any
 from mrta_falsify.campaigns import made_here
 from mrta_falsify.campaigns.foreign import sealed_places
 from mrta_falsify.campaigns.rules import why_no_resume
-from mrta_falsify.campaigns.settings import FORMAT_VERSION, CampaignSettings
+from mrta_falsify.campaigns.settings import (
+    DEFAULT_TARGET,
+    FORMAT_VERSION,
+    STORED_TARGETS,
+    CampaignSettings,
+)
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import DimensionValue
 from mrta_falsify.core.durable import (
@@ -297,10 +302,15 @@ def read_campaign_settings(directory: Path) -> CampaignSettings:
     Raises:
         StoreError: not a campaign, or of another version.
     """
-    data = _stored_settings(directory)
-    if data["version"] == 1:
-        data = _from_version_1(data)
-    return codec.decode(CampaignSettings, data, where=str(directory / SETTINGS))
+    data, where = _stored_settings(directory), str(directory / SETTINGS)
+    target = data.get("target", DEFAULT_TARGET)
+    if not isinstance(target, str) or target not in STORED_TARGETS:
+        raise StoreError(
+            f"{where}: target is {codec.shown(target)}; it must be {DEFAULT_TARGET}, since workers "
+            "run nothing else for a campaign"
+        )
+    known = {**data, "version": FORMAT_VERSION, "target": STORED_TARGETS[target]}
+    return codec.decode(CampaignSettings, known, where=where)
 
 
 def format_version(directory: Path) -> int:
@@ -336,13 +346,6 @@ def _stored_settings(directory: Path) -> dict[str, Any]:
             f"{path}: has format version {codec.shown(version)}; this reads 1 to {FORMAT_VERSION}"
         )
     return dict(data)
-
-
-def _from_version_1(data: dict[str, Any]) -> dict[str, Any]:
-    """Rename settings of version 1 as version 2 has them: workers open another module."""
-    renamed = {"mrta_falsify.trial:open_trials": "mrta_falsify.worker:open_trials"}
-    target = str(data.get("target"))
-    return {**data, "version": FORMAT_VERSION, "target": renamed.get(target, target)}
 
 
 def read_campaign(directory: Path) -> Campaign:

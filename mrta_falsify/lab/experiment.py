@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from mrta_falsify.campaigns.statistics import failure_probability, one_sided_bounds
 from mrta_falsify.core import codec
+from mrta_falsify.core.candidate import Candidate
+from mrta_falsify.core.codec import later
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.difference import Difference
+from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.core.probability import Probability
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab.course import Course
-from mrta_falsify.specs.library import default_specifications
+from mrta_falsify.specs.causes import kind_of
+from mrta_falsify.specs.library import default_specifications, vote_specifications
 from simulator_interface.external.transcript import Transcript
 
-#: a run that could not be judged tells nothing; an *impossible* world cannot be run at all
-Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error"]
+#: a run that could not be judged tells nothing; an *impossible* world cannot be run at all; a run
+#: that exceeded its time limit was killed
+Status: TypeAlias = Literal["judged", "not_judged", "impossible", "timeout", "error"]
 #: what a violation counts for: what a search looks for first, what only follows, none
 Rank: TypeAlias = Literal["none", "secondary", "primary"]
 
@@ -32,6 +40,7 @@ class Edit:
     at: float  #: [s]; the first tick not before it is the first that is changed
     stack: StackConfig | None = None  #: that takes over, None: the one that runs
     without: tuple[int, ...] = ()  #: robots that are taken away
+    without_people: tuple[int, ...] = ()  #: people who leave
     nudge: int = 0  #: number of a copy whose robots stand millimetres away, 0: they stay
 
 
@@ -42,6 +51,25 @@ class Situation:
     robots: tuple[int, ...]
     place: tuple[float, float]  #: x, y [m], map frame
     reach: float  #: of each robot from the place [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SceneSource:
+    """The Scenic scene that a scripted world cannot do without, as what it is drawn from."""
+
+    program: str  #: shipped name or path
+    params: dict[str, Any]  #: Scenic's global parameters
+    sources_digest: str  #: of the program with all it imports; empty: not checked
+    candidate: Candidate
+    mode: Literal["repair", "exact"] = "repair"  #: how the scene was accepted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KeptTrace:
+    """A stored trace that a run is compared with."""
+
+    file: str
+    digest: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,16 +91,40 @@ class Experiment:
     situation: Situation | None = None  #: the result says when it came about
     with_course: bool = False  #: whether the result tells the course of a run that fails
     rules: int = 0  #: in whose form failures are signed; 0: today's
+    scene: SceneSource | None = None  #: of a world whose program goes on in the run
+    repeat: int = 0  #: number of the repetition: the same run is run again for each number
+    compared_with: KeptTrace | None = None  #: the result says where the run differs from it
+    picture: str = ""  #: file for a picture of the run if it fails; empty: none
 
     def digest(self) -> str:
-        """Hash every field but limits. The journal adds the code that is run."""
-        fields = [f.name for f in dataclasses.fields(self) if f.name not in ("limits", "world")]
-        return codec.digest([self.world.digest(), *(getattr(self, name) for name in fields)])
+        """Hash every field but limits. The lab adds the code that is run."""
+        fields = [f.name for f in dataclasses.fields(self) if f.name not in _HASHED_APART]
+        others = [getattr(self, name) for name in fields]
+        return codec.digest([self.world.digest(), _digest_of(self.transcript), *others])
+
+    def for_vote(self) -> Experiment:
+        """Judge by the specifications that decide pass or fail when perturbed runs vote."""
+        return dataclasses.replace(self, specs=vote_specifications(self.specs))
+
+    def with_perturbation(self, number: int) -> Experiment:
+        """Take the copy of the world with small differences that has this number, from 1 on."""
+        return dataclasses.replace(self, perturbation=number)
 
     @property
     def begins_at(self) -> float:
         """When the first thing is changed that cannot be changed before the run begins [s]."""
         return self.edits[0].at if self.edits else 0.0
+
+
+_HASHED_APART = ("limits", "world", "transcript")
+
+
+def _digest_of(transcript: Transcript | None) -> str:
+    if transcript is None:
+        return ""
+    seen = hashlib.sha256(transcript.packed)
+    seen.update(repr(dataclasses.replace(transcript, packed=b"")).encode())
+    return seen.hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,11 +143,47 @@ class RunResult:
     wall_s: float = 0.0  #: measured; never part of a digest
     met: float | None = None  #: when the situation came about [s]
     course: Course | None = None  #: of a run that fails
+    #: first difference from the trace that the run is compared with
+    difference: Difference | None = later(None)
+    picture: str = later("")  #: file; empty: none was asked for, or the run does not fail
 
     @property
     def failed(self) -> bool:
         """Whether what is looked for first is violated."""
         return self.rank == "primary"
+
+    @property
+    def is_shut(self) -> bool:
+        """Whether it fails only because the world shut a place during the run."""
+        return not self.failed and kind_of(self.verdicts) == "shut"
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """Specifications that are violated."""
+        return tuple(verdict.spec for verdict in self.verdicts if verdict.violated)
+
+
+def certain(result: RunResult) -> RunResult:
+    """Give the result of a run that must have been run.
+
+    Raises:
+        InputError: the world, or the stack in it, cannot be run.
+        HarnessError: the toolkit failed, or the run was killed.
+    """
+    if result.status == "impossible":
+        raise InputError(result.detail)
+    if result.status in ("error", "timeout"):
+        raise HarnessError(result.detail)
+    return result
+
+
+#: whether a run fails; None: it tells nothing
+Fails: TypeAlias = Callable[[RunResult], bool | None]
+
+
+def is_failed(result: RunResult) -> bool | None:
+    """Whether what is looked for first is violated; None: the run could not be judged."""
+    return result.failed if result.status == "judged" else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +213,18 @@ class Vote:
     def bounds(self) -> tuple[float, float]:
         """Bounds of the chance of failure, each holding with 90 % (Clopper and Pearson 1934)."""
         return one_sided_bounds(self.failed, self.runs, undecided=self.undecided, level=BOUND)
+
+    def is_settled(self, most: int) -> bool:
+        """Whether further runs, up to ``most``, cannot change whether more than half fail."""
+        return 2 * self.failed > most or 2 * (self.runs - self.failed) >= most
+
+    @staticmethod
+    def of(fails: Iterable[bool | None]) -> Vote:
+        """Count runs, each of which fails or not; None: it tells nothing."""
+        vote = Vote(runs=0, failed=0)
+        for failed in fails:
+            vote = vote.add(failed=failed)
+        return vote
 
     def add(self, *, failed: bool | None) -> Vote:
         """Count one more run; None: it tells nothing."""

@@ -2,50 +2,56 @@
 
 from __future__ import annotations
 
-import contextlib
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
+import dataclasses
 
 import pytest
 
+from mrta_falsify.campaigns.executors import Finished
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
-from mrta_falsify.lab import Lab
-from mrta_falsify.lab.experiment import RunResult
-
-GROUPS = [{name: name} for name in "abc"]
+from mrta_falsify.lab import Experiment, Lab, RunResult, laboratory
 
 
 @pytest.fixture
-def ran(monkeypatch):
-    """Run three groups in a pool, each of whose processes ends ``.`` well or ``x`` killed."""
+def ran(monkeypatch, hall):
+    """Run three experiments in processes, each of whose runs ends ``.`` well or ``x`` killed."""
 
     def run(ends):
-        left = iter(ends)
+        left, jobs = iter(ends), []
 
-        class Pool:
-            def submit(self, function, group):
-                future = Future()
+        class Executor:
+            def open(self, settings):
+                assert settings.target == "experiments"
+
+            def submit(self, job):
+                jobs.append(job)
+
+            def collect(self, timeout):
+                job = jobs.pop(0)
                 if next(left) == "x":
-                    future.set_exception(BrokenProcessPool())
-                else:
-                    future.set_result([RunResult(status="judged", detail=name) for name in group])
-                return future
+                    return (Finished(number=job["number"], fate="crashed", error="signal 9"),)
+                result = RunResult(status="judged", detail=str(job["group"][0]["repeat"]))
+                record = {"results": [codec.encode(result)]}
+                return (Finished(number=job["number"], fate="ok", record=record),)
 
-        monkeypatch.setattr(
-            "mrta_falsify.lab.laboratory.spawned",
-            lambda workers: contextlib.nullcontext(Pool()),
-        )
+            def close(self):
+                jobs.clear()
+
+        monkeypatch.setattr(laboratory.registry, "build", lambda *args, **more: Executor())
+        own = Experiment(world=hall, stack=StackConfig())
         with Lab(workers=2) as lab:
-            return [(key, result.detail) for key, result in lab._ran(GROUPS)]
+            found = lab.map(dataclasses.replace(own, repeat=number) for number in range(3))
+            return [result.detail for result in found]
 
     return run
 
 
-@pytest.mark.parametrize("ends", ["...", "x.....", ".x...", "xxxxxx...", "xxxxxx.xxxx.."])
+@pytest.mark.parametrize("ends", ["...", "x...", ".x..", "xxxxxx...", "x.x.x."])
 def test_what_a_killed_process_ran_is_run_again(ran, ends):
-    assert ran(ends) == [("a", "a"), ("b", "b"), ("c", "c")]
+    assert ran(ends) == ["0", "1", "2"]
 
 
-def test_processes_that_die_three_times_in_a_row_end_it(ran):
-    with pytest.raises(HarnessError, match="3 times in a row"):
+def test_a_run_whose_process_dies_three_times_ends_it(ran):
+    with pytest.raises(HarnessError, match="crashed: signal 9"):
         ran("x" * 9)

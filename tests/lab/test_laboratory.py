@@ -21,10 +21,10 @@ def experiment(hall):
 def scripted(monkeypatch):
     """Runs fail where their perturbation is among some; says what was run together."""
 
-    def lab(*failing, journal=None, on_run=lambda: None):
+    def lab(*failing, journal=None, on_run=lambda done, expected: None):
         groups = []
 
-        def run_group(group):
+        def run_group(group, draw=None):
             groups.append([one.perturbation for one in group])
             return [
                 RunResult(
@@ -52,7 +52,7 @@ def test_a_finished_run_is_not_run_again_and_counts(scripted, experiment, tmp_pa
     path = tmp_path / "journal.jsonl"
     lab, groups = scripted(1, journal=path)
     (first,) = lab.map([dataclasses.replace(experiment, perturbation=1)])
-    again, more = scripted(journal=path, on_run=lambda: told.append(1))
+    again, more = scripted(journal=path, on_run=lambda done, expected: told.append(done))
     found = list(
         again.map(dataclasses.replace(experiment, perturbation=number) for number in (2, 1))
     )

@@ -490,7 +490,8 @@ def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
 @pytest.mark.slow
 def test_a_trial_of_a_scripted_program_runs_again_from_its_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import TrialRunner, open_program, rerun
+    from mrta_falsify.lab import open_program
+    from mrta_falsify.worker import TrialRunner, rerun
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from mrta_falsify.cli import main
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError, UnknownNameError
+from mrta_falsify.lab import laboratory
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import campaign_specifications
 from mrta_falsify.verbs import corpus, zoo
@@ -27,7 +28,7 @@ SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_onc
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of in workers."""
-    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 @pytest.mark.parametrize("name", scene_names())
