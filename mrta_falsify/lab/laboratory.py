@@ -85,6 +85,7 @@ class Lab(AbstractContextManager["Lab"]):
     ) -> None:
         self.journal = RunJournal(RunResult, journal)
         self._file = journal
+        self._journals: list[RunJournal[Any]] = [self.journal]
         self.workers = workers
         self.on_run = on_run
         self.runs = 0  #: done, known ones included
@@ -103,7 +104,7 @@ class Lab(AbstractContextManager["Lab"]):
         block = ExitStack()
         if not self._blocks:
             if self._what:
-                block.enter_context(resumable(self._what, self.journal))
+                block.enter_context(resumable(self._what, self._journals))
             block.callback(self._close)
         self._blocks.append(block)
         return self
@@ -235,7 +236,9 @@ class Lab(AbstractContextManager["Lab"]):
             experiment: whose code they come from; where that is not known, none is kept.
         """
         code = self._code_of(experiment)
-        return RunJournal(kind, None if code is None else self._file, code=code or "")
+        found = RunJournal(kind, None if code is None else self._file, code=code or "")
+        self._journals.append(found)
+        return found
 
     def _answer(self, key: str) -> RunResult | None:
         return self._known.get(key) or self.journal.answers.get(key)
