@@ -13,6 +13,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
@@ -97,6 +98,7 @@ class Lab(AbstractContextManager["Lab"]):
         self._codes: dict[tuple[str, ...], str | None] = {}
         self._blocks: list[ExitStack] = []
         self._executor: Any = None
+        self._numbers = itertools.count()  # of jobs
         self._guard = Guard()
 
     def __enter__(self) -> Lab:
@@ -284,13 +286,15 @@ class Lab(AbstractContextManager["Lab"]):
     def _ran_apart(self, groups: Sequence[Group]) -> Iterator[tuple[str, RunResult]]:
         executor = self._opened_executor()
         lost = collections.Counter[int]()
-        left = dict(enumerate(groups))
-        jobs = [{"group": codec.encode(list(group.values()))} for group in groups]
-        for number, job in enumerate(jobs):
+        left = {next(self._numbers): group for group in groups}
+        jobs = {n: {"group": codec.encode(list(group.values()))} for n, group in left.items()}
+        for number, job in jobs.items():
             executor.submit({"number": number, **job})
         while left:
             for finished in executor.collect(WAIT):
                 number = finished.number
+                if number not in left:
+                    continue  # nobody waits for it any more
                 if finished.fate in ("crashed", "timeout") and lost[number] < REPEATS:
                     lost[number] += 1
                     executor.submit({"number": number, **jobs[number]})
