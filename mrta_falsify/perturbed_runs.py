@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,13 +19,11 @@ from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.core.probability import chance_of_failure
 from mrta_falsify.core.record import OtherRun, PerturbedRuns
 from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.core.world import World
-from mrta_falsify.specs.causes import leading
+from mrta_falsify.lab import Experiment, Lab, RunResult, Vote, certain
+from mrta_falsify.specs.causes import group_of, leading, secondary
 from mrta_falsify.specs.objectives import SMALLEST, differing, search_score
 from mrta_falsify.trial import Judged
-from scenic_worlds.variation import perturbed_worlds
 
-Run = Callable[[World], Judged]
 FateOnOther: TypeAlias = Literal["passes", "fails", "not judged"]
 
 
@@ -33,7 +32,6 @@ class Comparison(NamedTuple):
 
     jittered: PerturbedRuns | None  #: None: no copies were run
     other: OtherRun | None
-    their_run: Judged | None = None  #: of the other stack, of the world itself
 
 
 class Margin(NamedTuple):
@@ -46,49 +44,82 @@ class Margin(NamedTuple):
 NO_COMPARISON = Comparison(None, None)  #: of a run that is not judged by copies
 
 
-def judged_by_vote(
-    world: World, judged: Judged, count: int, run: Run, run_other: Run | None = None
+def judged_by_vote(lab: Lab, experiment: Experiment, own: RunResult, count: int) -> Comparison:
+    """Judge a failure by copies.
+
+    Args:
+        lab: that runs them.
+        experiment: that fails.
+        own: its result.
+        count: copies at most.
+    """
+    runs = tuple(lab.copies(experiment.for_vote(), count, fails))
+    told = [one.margins for one in (own, *runs)]
+    return Comparison(counted([one.failed for one in runs], told), None)
+
+
+def compared_by_vote(
+    lab: Lab,
+    experiment: Experiment,
+    own: RunResult,
+    other: Experiment,
+    theirs: RunResult,
+    count: int,
+    each: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Comparison:
     """Judge a failure by copies, and on the other stack.
 
-    The other stack runs the world itself first. Where it does not pass, copies tell nothing and are
-    not run. It runs copies only if the stack under test fails in most of them.
+    Where the other stack does not pass in the world itself, copies tell nothing and are not run. It
+    runs copies only if the stack under test fails in most of them.
 
     Args:
-        world: in which the stack under test fails.
-        judged: its run.
+        lab: that runs copies.
+        experiment: in which the stack under test fails.
+        own: its result.
+        other: the same with the other stack.
+        theirs: its result.
         count: copies at most.
-        run: runs a world under the stack under test.
-        run_other: runs it under the other stack, if two are compared.
+        each: entered around each run of the other stack.
     """
-    if run_other is None:
-        copies = perturbed_worlds(world, count)
-        return Comparison(_of_one_stack(judged, copies, run), None)
-    theirs = run_other(world)
-    other = _other_run(judged, theirs)
-    if not other.passes:
-        return Comparison(None, other, theirs)
-    copies = perturbed_worlds(world, count)
-    runs = run_perturbed(copies, run, lambda one: one.is_primary)
-    their_runs: tuple[Judged, ...] = ()
-    if 2 * sum(one.is_primary for one in runs) > len(runs):
-        their_runs = run_perturbed(copies, run_other, lambda one: _passes(judged, one))
-        other = _with_vote(other, judged, their_runs)
+    failure = leading(own.verdicts)
+    run = other_run(failure, theirs, other.then)
+    if not run.passes:
+        return Comparison(None, run)
+
+    def does_pass(result: RunResult) -> bool:
+        return fate_on_other(failure, certain(result)) == "passes"
+
+    runs = tuple(lab.copies(experiment.for_vote(), count, fails))
+    their_runs: tuple[RunResult, ...] = ()
+    if Vote.of(one.failed for one in runs).robust:
+        their_runs = tuple(lab.copies(other, count, does_pass, each=each))
+        passed = sum(map(does_pass, their_runs))
+        run = dataclasses.replace(
+            run,
+            jittered=PerturbedRuns(runs=len(their_runs), failed=len(their_runs) - passed),
+            runs=1 + len(their_runs),
+            wall_s=run.wall_s + sum(one.wall_s for one in their_runs),
+        )
     # where the other stack has not run a copy, its run of the world itself stands for it
     theirs_of = itertools.chain((theirs, *their_runs), itertools.repeat(theirs))
     told = [
         {
-            name: differing(margin, _their_score(judged, its))
+            name: differing(margin, _their_score(failure, its, other.then))
             for name, margin in mine.margins.items()
         }
-        for mine, its in zip((judged, *runs), theirs_of, strict=False)
+        for mine, its in zip((own, *runs), theirs_of, strict=False)
     ]
-    return Comparison(counted([one.is_primary for one in runs], told), other, theirs)
+    return Comparison(counted([one.failed for one in runs], told), run)
 
 
-def _of_one_stack(judged: Judged, copies: Sequence[World], run: Run) -> PerturbedRuns | None:
-    runs = run_perturbed(copies, run, lambda one: one.is_primary)
-    return counted([one.is_primary for one in runs], [one.margins for one in (judged, *runs)])
+def fails(result: RunResult) -> bool:
+    """Whether a copy fails in what is looked for first; one that cannot be judged does not.
+
+    Raises:
+        InputError: it cannot be run.
+        HarnessError: the toolkit failed.
+    """
+    return certain(result).failed
 
 
 def counted(fails: Sequence[bool], told: Sequence[dict[str, float]]) -> PerturbedRuns | None:
@@ -132,98 +163,48 @@ def expected_margin(margins: Sequence[float]) -> Margin:
 # --- the other stack ----------------------------------------------------------------------
 
 
-def _other_run(judged: Judged, theirs: Judged) -> OtherRun:
-    """Record what the other stack did in the world itself."""
-    outcome = theirs.outcome
+def other_run(failure: Verdict | None, theirs: RunResult, then: Collection[str]) -> OtherRun:
+    """Record what the other stack did in the world itself.
+
+    Args:
+        failure: of the stack under test.
+        theirs: of the other stack.
+        then: specifications that are looked for last.
+    """
     return OtherRun(
-        fate=fate_on_other(judged, theirs),
-        score=_their_score(judged, theirs),
+        fate=fate_on_other(failure, theirs),
+        score=_their_score(failure, theirs, then),
         verdicts=theirs.verdicts,
         signature=signature(theirs.verdicts),
         signature_before=signature_before(theirs.verdicts),
-        trace_digest=outcome.trace.digest,
-        ended=outcome.ended,
-        sim_time=outcome.sim_time,
-        wall_s=outcome.wall_s,
+        trace_digest=theirs.trace,
+        ended=theirs.ended,
+        sim_time=theirs.sim_time,
+        wall_s=theirs.wall_s,
     )
 
 
-def _with_vote(other: OtherRun, judged: Judged, runs: Sequence[Judged]) -> OtherRun:
-    """Add what the other stack did in copies; one that cannot be judged is no pass."""
-    passed = sum(_passes(judged, one) for one in runs)
-    return dataclasses.replace(
-        other,
-        jittered=PerturbedRuns(runs=len(runs), failed=len(runs) - passed),
-        runs=1 + len(runs),
-        wall_s=other.wall_s + sum(one.outcome.wall_s for one in runs),
-    )
-
-
-def fate_on_other(judged: Judged, theirs: Judged) -> FateOnOther:
+def fate_on_other(failure: Verdict | None, theirs: RunResult) -> FateOnOther:
     """Say what becomes of a failure on the other stack, in what is looked for first.
 
     Args:
-        judged: the failing run of the stack under test.
+        failure: of the stack under test, the violated verdict that explains it.
         theirs: the run of the other stack in the same world.
     """
-    return fate_by(
-        leading(judged.verdicts), theirs.verdicts, fails=theirs.is_primary, is_shut=theirs.is_shut
-    )
-
-
-def fate_by(
-    failure: Verdict | None, theirs: Sequence[Verdict], *, fails: bool, is_shut: bool
-) -> FateOnOther:
-    """Say the same of a run whose trace is gone.
-
-    Args:
-        failure: of the stack under test, the violated verdict that explains it.
-        theirs: verdicts of the other stack in the same world.
-        fails: whether one is violated that is looked for first.
-        is_shut: whether it fails only because the world shut a place.
-    """
-    if fails:
+    if theirs.failed:
         return "fails"
-    if is_shut:  # it could not show what it does
+    if group_of(theirs) == "shut":  # it could not show what it does
         return "not judged"
     wanted = failure.spec if failure is not None else ""
-    unjudged = any(v.not_judged and v.spec == wanted for v in theirs)
+    unjudged = any(v.not_judged and v.spec == wanted for v in theirs.verdicts)
     return "not judged" if unjudged else "passes"
 
 
-def _passes(judged: Judged, theirs: Judged) -> bool:
-    return fate_on_other(judged, theirs) == "passes"
-
-
-def _their_score(judged: Judged, theirs: Judged) -> float:
+def _their_score(failure: Verdict | None, theirs: RunResult, then: Collection[str]) -> float:
     """Score a run of the other stack: below 0 unless it passes."""
-    if fate_on_other(judged, theirs) == "not judged":
+    if fate_on_other(failure, theirs) == "not judged":
         return -SMALLEST
-    return search_score(theirs.margins, theirs.secondary)
-
-
-def run_perturbed(
-    copies: Sequence[World], run: Run, counts: Callable[[Judged], bool]
-) -> tuple[Judged, ...]:
-    """Run copies until the rest cannot change whether most of them count."""
-    runs: list[Judged] = []
-    for copy in copies:
-        if is_decided(sum(map(counts, runs)), len(runs), len(copies)):
-            break
-        runs.append(run(copy))
-    return tuple(runs)
-
-
-def is_decided(failed: int, runs: int, most: int) -> bool:
-    """Whether further copies cannot change whether most of them fail.
-
-    Args:
-        failed: copies that failed.
-        runs: copies that were run.
-        most: copies that would be run.
-    """
-    left = most - runs
-    return 2 * failed > most or 2 * (failed + left) <= most
+    return search_score(theirs.margins, secondary(theirs.verdicts, then))
 
 
 def trial_score(judged: Judged, comparison: Comparison) -> float:

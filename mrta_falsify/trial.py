@@ -27,7 +27,6 @@ from mrta_falsify.specs.library import (
     build_specifications,
     default_specifications,
     spec_names,
-    vote_specifications,
 )
 from mrta_falsify.specs.objectives import objectives
 from simulator_interface.external.transcript import Transcript
@@ -348,12 +347,6 @@ def _bounded(verdict: Verdict) -> Verdict:
         return verdict
     limit = UNBOUNDED if verdict.robustness > 0.0 else -UNBOUNDED
     return dataclasses.replace(verdict, robustness=limit)
-
-
-def perturbed_job(job: Job) -> Job:
-    """Judge by whether the run of a copy fails, and no more: a failure's copies vote on it."""
-    names = vote_specifications(job.specifications)
-    return dataclasses.replace(job, specifications=names)
 
 
 def on_kinematic_engine(config: StackConfig) -> StackConfig:

@@ -6,7 +6,6 @@ Module-level and free of closures over processes, so that a spawned worker can o
 from __future__ import annotations
 
 import dataclasses
-import functools
 import os
 import time
 import weakref
@@ -22,14 +21,13 @@ from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import OTHER, removed, trial_folder
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
-from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.config import Choice
 from mrta_falsify.core.durable import make_folder, naming, place_error_in
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import (
     EngineRun,
     Origin,
-    OtherRun,
     PerturbedRuns,
     Repeats,
     SearchData,
@@ -40,20 +38,28 @@ from mrta_falsify.core.run_result import RunResult, Vote
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.perturbed_runs import NO_COMPARISON, Comparison, judged_by_vote, trial_score
+from mrta_falsify.lab import (
+    Experiment,
+    Lab,
+    certain,
+    experiment_of_trial,
+    open_program,
+    result_of,
+    specifications_of,
+)
+from mrta_falsify.perturbed_runs import (
+    NO_COMPARISON,
+    Comparison,
+    compared_by_vote,
+    judged_by_vote,
+    trial_score,
+)
 from mrta_falsify.possibility import look_at
 from mrta_falsify.process.budget import credit, own_budget
 from mrta_falsify.specs.attribution import suspect
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import (
-    Job,
-    Judged,
-    campaign_specifications,
-    judge,
-    on_kinematic_engine,
-    perturbed_job,
-)
-from simulator_interface.external.transcript import TRANSCRIPT_NAME, Transcript, write_transcript
+from mrta_falsify.trial import Judged, on_kinematic_engine
+from simulator_interface.external.transcript import TRANSCRIPT_NAME, write_transcript
 from simulator_interface.guard import Guard, guarded
 from simulator_interface.simulate import Outcome
 
@@ -77,23 +83,6 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
     return lambda job: codec.encode(
         trials.run(job["number"], np.asarray(job["u"], dtype=np.float64))
     )
-
-
-def open_program(settings: TrialSettings) -> Program:
-    """Compile a campaign's scenario.
-
-    Raises:
-        InputError: it does not compile, or is not the one the campaign began with.
-    """
-    from scenic_worlds import program  # noqa: PLC0415 - Scenic takes seconds to import
-
-    compiled = program.compile_program(program.scenario_path(settings.scenario), settings.params)
-    if settings.sources_digest and compiled.sources_digest != settings.sources_digest:
-        raise InputError(
-            f"{settings.scenario}: the program (or a file it imports) has changed since the "
-            "campaign began; undo the change, or begin a new campaign"
-        )
-    return compiled
 
 
 class TrialRunner:
@@ -155,95 +144,72 @@ class TrialRunner:
     def _simulate(self, world: World, record: TrialRecord, scene: Any) -> TrialRecord:
         settings = self._settings
         began = time.perf_counter()
-        config = settings.stack
+        lab = Lab(draw=lambda source: scene)
+        own = experiment_of_trial(settings, world, settings.stack, record.candidate)
         if settings.screen:
-            quick = self._judge(world, on_kinematic_engine(config), scene)
+            config = on_kinematic_engine(settings.stack)
+            there = dataclasses.replace(own, stack=config)
+            quick = lab.judge(there)
             if not quick.failed:
-                return self._finish(
-                    world, record, quick, on_kinematic_engine(config).engine.name, began
-                )
-            screening = engine_run(on_kinematic_engine(config).engine.name, quick, failed=True)
+                return self._finish(world, record, quick, config.engine.name, began)
+            screening = engine_run(there, result_of(there, quick), failed=True)
             origin = dataclasses.replace(record.origin, screening=screening)
             record = dataclasses.replace(record, origin=origin)
-        judged = self._judge(world, config, scene)
-        comparison = self._vote(world, config, scene, judged)
-        repeated = self._repeat(world, config, scene, judged) if judged.failed else None
-        other = self._keep_other(world, record, comparison)
-        record = dataclasses.replace(record, other=other, repeats=repeated)
+        judged = lab.judge(own)
+        result = result_of(own, judged)
+        comparison = self._vote(lab, own, result, record.number)
+        repeats = self._repeat(lab, own, result)
+        record = dataclasses.replace(record, other=comparison.other, repeats=repeats)
         if judged.is_primary and (comparison.jittered is None or comparison.jittered.robust):
-            confirmed = self._confirm(world, config, scene, judged)
-            record = dataclasses.replace(record, engines={run.engine: run for run in confirmed})
-        return self._finish(world, record, judged, config.engine.name, began, comparison)
+            record = dataclasses.replace(record, engines=self._confirm(lab, own))
+        engine = settings.stack.engine.name
+        return self._finish(world, record, judged, engine, began, comparison)
 
-    def _confirm(
-        self, world: World, config: StackConfig, scene: Any, judged: Judged
-    ) -> tuple[EngineRun, ...]:
+    def _confirm(self, lab: Lab, own: Experiment) -> dict[str, EngineRun]:
         """Run a failing world and copies of it on other engines, each with the whole time limit."""
-        settings, runs = self._settings, []
-        others = [name for name in settings.confirm if name != config.engine.name]
-        for name in others:
+        settings, runs = self._settings, {}
+        for name in settings.confirm:
+            if name == own.stack.engine.name:
+                continue
+            there = dataclasses.replace(
+                own, stack=dataclasses.replace(own.stack, engine=Choice(name))
+            )
             with own_budget():
-                there = dataclasses.replace(config, engine=Choice(name))
-                run = self._judge(world, there, scene, keep_trace=False)
-                copies = settings.jittered or CONFIRMING_RUNS
-                again = functools.partial(self._judge_perturbed, config=there, scene=scene)
-                comparison = judged_by_vote(world, run, copies, again)
-            runs.append(engine_run(name, run, failed=run.is_primary, jittered=comparison.jittered))
-        return tuple(runs)
+                run = certain(lab.run(there))
+                votes = judged_by_vote(lab, there, run, settings.jittered or CONFIRMING_RUNS)
+            runs[name] = engine_run(there, run, failed=run.failed, jittered=votes.jittered)
+        return runs
 
-    def _vote(self, world: World, config: StackConfig, scene: Any, judged: Judged) -> Comparison:
-        if not judged.is_primary:
-            return NO_COMPARISON
+    def _vote(self, lab: Lab, own: Experiment, result: RunResult, number: int) -> Comparison:
+        """Let copies of a failing world vote; the other stack has the whole time limit for each."""
         against = self._settings.against
-        return judged_by_vote(
-            world,
-            judged,
-            self._settings.jittered,
-            functools.partial(self._judge_perturbed, config=config, scene=scene),
-            None if against is None else lambda copy: self._judge_other(copy, against, scene),
-        )
+        if not result.failed:
+            return NO_COMPARISON
+        if against is None:
+            return judged_by_vote(lab, own, result, self._settings.jittered)
+        other, files = dataclasses.replace(own, stack=against), ""
 
-    def _judge_other(self, world: World, config: StackConfig, scene: Any) -> Judged:
-        """Run a world under the other stack, with the whole time limit."""
+        def keep(world: World, judged: Judged) -> None:
+            nonlocal files
+            files = self._write(world, judged.outcome, number, OTHER)
+
         with own_budget():
-            return self._judge(world, config, scene)
-
-    def _keep_other(
-        self, world: World, record: TrialRecord, comparison: Comparison
-    ) -> OtherRun | None:
-        if comparison.other is None or comparison.their_run is None:
-            return None
-        return dataclasses.replace(
-            comparison.other,
-            trace_file=self._write(world, comparison.their_run.outcome, record.number, OTHER),
+            theirs = certain(lab.watch(other, keep))
+        votes = compared_by_vote(
+            lab, own, result, other, theirs, self._settings.jittered, own_budget
         )
+        assert votes.other is not None
+        return votes._replace(other=dataclasses.replace(votes.other, trace_file=files))
 
-    def _repeat(
-        self, world: World, config: StackConfig, scene: Any, judged: Judged
-    ) -> Repeats | None:
+    def _repeat(self, lab: Lab, own: Experiment, result: RunResult) -> Repeats | None:
         """Run a failing world again, nothing changed; each run has the whole time limit."""
-        if config.stack is None or not self._settings.verify:
+        if own.stack.stack is None or not self._settings.verify or not result.violated:
             return None
-        runs = [self._run_again(world, config, scene) for _ in range(self._settings.verify)]
-        return counted_repeats(judged, runs)
-
-    def _run_again(self, world: World, config: StackConfig, scene: Any) -> Judged | None:
-        try:
+        runs = []
+        for number in range(1, 1 + self._settings.verify):
             with own_budget():
-                return self._judge(world, config, scene, keep_trace=False)
-        except InputError:  # the stack did not start this time
-            return None
-
-    def _judge(
-        self, world: World, config: StackConfig, scene: Any, *, keep_trace: bool = True
-    ) -> Judged:
-        return judge(trial_job(self._settings, world, config, scene), keep_trace=keep_trace)
-
-    def _judge_perturbed(self, copy: World, config: StackConfig, scene: Any) -> Judged:
-        """Run a copy of a failing world; only whether it fails counts."""
-        return judge(
-            perturbed_job(trial_job(self._settings, copy, config, scene)), keep_trace=False
-        )
+                runs.append(lab.run(dataclasses.replace(own, repeat=number)))
+        return counted_repeats(result, runs)
 
     def _finish(
         self,
@@ -350,16 +316,16 @@ class TrialFiles:
 
 
 def engine_run(
-    engine: str, judged: Judged, *, failed: bool, jittered: PerturbedRuns | None = None
+    experiment: Experiment, run: RunResult, *, failed: bool, jittered: PerturbedRuns | None = None
 ) -> EngineRun:
     """Sum up what a run on another engine gave."""
     return EngineRun(
-        engine=engine,
+        engine=experiment.stack.engine.name,
         failed=failed,
-        violated=tuple(v.spec for v in judged.verdicts if v.violated),
-        trace_digest=judged.outcome.trace.digest,
-        sim_time=judged.outcome.sim_time,
-        wall_s=judged.outcome.wall_s,
+        violated=run.violated,
+        trace_digest=run.trace,
+        sim_time=run.sim_time,
+        wall_s=run.wall_s,
         vote=voted(jittered),
     )
 
@@ -379,77 +345,26 @@ def blamed(judged: Judged) -> tuple[str, ...]:
     return tuple(sorted({*judged.involved, *(verdict.who if verdict else ())}))
 
 
-def counted_repeats(judged: Judged, runs: Sequence[Judged | None]) -> Repeats:
+def counted_repeats(result: RunResult, runs: Sequence[RunResult]) -> Repeats:
     """Count how often a failure came again.
 
     Args:
-        judged: the run that failed.
-        runs: of the same world; None: the stack did not start.
+        result: of the run that failed.
+        runs: of the same world.
     """
-    wanted, verdict = signature(judged.verdicts), leading(judged.verdicts)
+    wanted, verdict = signature(result.verdicts), leading(result.verdicts)
     assert verdict is not None, "only failures are run again"
-    decided = [run for run in runs if run is not None and _decides(run, verdict.spec)]
+    decided = [run for run in runs if _decides(run, verdict.spec)]
     same = sum(signature(run.verdicts) == wanted for run in decided)
     return Repeats(
         same=failure_probability(same, len(decided), undecided=len(runs) - len(decided)),
-        otherwise=sum(run.failed for run in decided) - same,
-        identical=sum(
-            run is not None and run.outcome.trace.digest == judged.outcome.trace.digest
-            for run in runs
-        ),
+        otherwise=sum(bool(run.violated) for run in decided) - same,
+        identical=sum(bool(run.trace) and run.trace == result.trace for run in runs),
     )
 
 
-def _decides(run: Judged, spec: str) -> bool:
-    """Whether a run tells if a specification fails in it."""
-    return run.failed or not any(v.spec == spec and v.not_judged for v in run.verdicts)
-
-
-def trial_job(settings: TrialSettings, world: World, config: StackConfig, scene: Any = None) -> Job:
-    """Make the job of a world under a campaign's specifications and limits.
-
-    Args:
-        settings: of the campaign.
-        world: that is run.
-        config: of the stack under test.
-        scene: which the world was sampled from, if its program goes on in the run.
-    """
-    return Job(
-        world=world,
-        config=config,
-        scene=scene,
-        specifications=specifications_of(settings),
-        early_stop=settings.early_stop,
-        then=settings.then,
-        limits=settings.limits,
-    )
-
-
-def rerun(
-    settings: TrialSettings, record: TrialRecord, world: World, transcript: Transcript | None = None
-) -> Judged:
-    """Run a recorded trial again, on the engine its verdicts come from.
-
-    Args:
-        settings: of its campaign.
-        record: of the trial.
-        world: its world.
-        transcript: what a stack in a process of its own said then; None: it is asked again.
-    """
-    scene = None
-    if world.scripted:
-        scene = open_program(settings).realise(record.candidate, mode=settings.mode).scene
-    job = trial_job(settings, world, stack_of(settings, record), scene)
-    return judge(dataclasses.replace(job, transcript=transcript))
-
-
-def stack_of(settings: TrialSettings, record: TrialRecord) -> StackConfig:
-    """Put the campaign's stack on the engine that a record's verdicts come from."""
-    if record.engine in ("", settings.stack.engine.name):
-        return settings.stack
-    return on_kinematic_engine(settings.stack)
-
-
-def specifications_of(settings: TrialSettings) -> tuple[str, ...]:
-    """List what the trials of a campaign are judged by."""
-    return settings.specifications or campaign_specifications(settings.stack)
+def _decides(run: RunResult, spec: str) -> bool:
+    """Whether a run tells if a specification fails in it; not if the stack did not start."""
+    if run.status == "impossible":
+        return False
+    return bool(run.violated) or not any(v.spec == spec and v.not_judged for v in run.verdicts)

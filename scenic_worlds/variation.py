@@ -91,22 +91,6 @@ def perturb_world(world: World, seed: int) -> World:
     )
 
 
-def perturbed_worlds(world: World, count: int) -> list[World]:
-    """Make ``count`` copies of ``world`` with small differences (see :func:`perturb_world`).
-
-    Args:
-        world: any world that runs.
-        count: copies; fewer come back if some have no place for their robots.
-    """
-    found = []
-    for seed in range(count):
-        try:
-            found.append(perturb_world(world, seed))
-        except WorldError:
-            continue
-    return found
-
-
 def _moved_starts(
     world: World, random: np.random.Generator, *, reach: float
 ) -> tuple[RobotSpec, ...]:

@@ -374,6 +374,15 @@ class Episode:
         self._engine.remove(robot)
         self._removed.append(robot)
 
+    def remove_person(self, person: int) -> None:
+        """Let a person leave the building for good; call it between two frames.
+
+        Raises:
+            ConfigError: engine or costmap cannot take it.
+        """
+        self._check_stage()
+        self.crowd.remove(person)
+
     @property
     def can_nudge(self) -> bool:
         """Whether robots can be moved a little."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,11 +14,21 @@ from hypothesis import strategies as st
 
 from mrta_falsify.campaigns.runner import feedback_of
 from mrta_falsify.campaigns.statistics import chance_in_vote
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
-from mrta_falsify.perturbed_runs import expected_margin, judged_by_vote, trial_score
+from mrta_falsify.core.world import World
+from mrta_falsify.lab import Experiment, Lab, RunResult
+from mrta_falsify.lab.running import world_of
+from mrta_falsify.perturbed_runs import (
+    Comparison,
+    compared_by_vote,
+    expected_margin,
+    judged_by_vote,
+    trial_score,
+)
 from mrta_falsify.specs.objectives import differing
 from mrta_falsify.testing.records import trial_record
 from mrta_falsify.worker import voted
@@ -24,7 +36,7 @@ from mrta_falsify.worker import voted
 COPIES = 4
 
 
-def run(margin: float | None) -> Any:
+def run(margin: float | None) -> RunResult:
     """A run whose only specification has this margin; None: it was not judged."""
     if margin is None:
         verdict, margins = unjudged("no_deadlock", "its goals are not told"), {}
@@ -37,30 +49,39 @@ def run(margin: float | None) -> Any:
             violated_at=9.0 if violated else None,
         )
         margins = {"no_deadlock": margin}
-    trace = SimpleNamespace(digest="d")
-    return SimpleNamespace(
+    return RunResult(
+        status="judged" if margin is not None else "not_judged",
         verdicts=(verdict,),
         margins=margins,
-        secondary=frozenset(),
-        is_primary=verdict.violated,
-        is_shut=False,
-        outcome=SimpleNamespace(trace=trace, ended="horizon", sim_time=60.0, wall_s=1.0),
+        rank="primary" if verdict.violated else "none",
+        trace="d",
+        ended="horizon",
+        sim_time=60.0,
+        wall_s=1.0,
     )
 
 
-class Stack:
-    """Gives these margins one after the other."""
-
-    def __init__(self, *margins: float | None) -> None:
-        self.margins = list(margins)
-        self.runs = 0
-
-    def __call__(self, world: Any) -> Any:
-        self.runs += 1
-        return run(self.margins.pop(0))
+OTHER = StackConfig(allocator=Choice("nearest"))
 
 
-def record_of(said: Any, judged: Any) -> TrialRecord:
+class ScriptedLab(Lab):
+    """Gives these margins one after the other, for the stack under test and for the other one."""
+
+    def __init__(self, mine: Sequence[float], theirs: Sequence[float | None] = ()) -> None:
+        super().__init__()
+        self.margins: dict[str, list[float | None]] = {"here": [*mine], "there": [*theirs]}
+        self.asked: dict[str, list[str]] = {"here": [], "there": []}
+
+    def run(self, experiment: Experiment) -> RunResult:
+        where = "there" if experiment.stack == OTHER else "here"
+        self.asked[where].append(world_of(experiment).digest())
+        return run(self.margins[where].pop(0))
+
+
+def record_of(said: Comparison, result: RunResult) -> TrialRecord:
+    judged: Any = SimpleNamespace(
+        verdicts=result.verdicts, margins=result.margins, secondary=frozenset()
+    )
     copies = said.jittered
     return trial_record(
         0,
@@ -77,10 +98,17 @@ def record_of(said: Any, judged: Any) -> TrialRecord:
 
 def compared(hall, mine: tuple[float, ...], theirs: tuple[float | None, ...]):
     """The record of a world that fails by 0.5, and how many runs each stack was asked for."""
-    one, other = Stack(*mine), Stack(*theirs)
-    judged = run(-0.5)
-    said = judged_by_vote(hall, judged, COPIES, one, other)
-    return record_of(said, judged), (one.runs, other.runs)
+    lab = ScriptedLab(mine, theirs)
+    said = ask(lab, hall)
+    spent = (len(lab.asked["here"]), len(lab.asked["there"]))
+    return record_of(said, run(-0.5)), spent
+
+
+def ask(lab: ScriptedLab, hall: World) -> Comparison:
+    """Compare two stacks in a world in which the first one fails by 0.5."""
+    own = Experiment(world=hall, stack=StackConfig())
+    other = dataclasses.replace(own, stack=OTHER)
+    return compared_by_vote(lab, own, run(-0.5), other, lab.run(other), COPIES)
 
 
 @pytest.mark.parametrize(
@@ -111,18 +139,11 @@ def test_a_failure_counts_if_most_copies_fail_here_and_pass_there(hall, mine, th
 
 
 def test_both_stacks_are_asked_about_the_same_copies(hall):
-    seen: dict[str, list[str]] = {"here": [], "there": []}
-
-    def asked(where: str, margin: float):
-        def ask(world):
-            seen[where].append(world.digest())
-            return run(margin)
-
-        return ask
-
-    judged_by_vote(hall, run(-0.5), COPIES, asked("here", -1.0), asked("there", 1.0))
-    assert seen["there"] == [hall.digest(), *seen["here"]]
-    assert len(set(seen["there"])) == 4
+    lab = ScriptedLab([-1.0] * COPIES, [1.0] * (1 + COPIES))
+    ask(lab, hall)
+    there = lab.asked["there"]
+    assert there[: 1 + len(lab.asked["here"])] == [hall.digest(), *lab.asked["here"]]
+    assert len(set(there)) == len(there)
 
 
 def test_a_failure_of_both_stacks_is_told_as_a_world_that_passes(hall):
@@ -164,12 +185,11 @@ def test_a_knife_edge_of_either_stack_is_a_kind_of_its_own(hall):
 
 
 def test_without_another_stack_nothing_is_asked_of_one(hall):
-    one = Stack(-1, -1, -1)
-    judged = run(-0.5)
-    said = judged_by_vote(hall, judged, COPIES, one)
+    own, failing = Experiment(world=hall, stack=StackConfig()), run(-0.5)
+    said = judged_by_vote(ScriptedLab([-1, -1, -1]), own, failing, COPIES)
     assert said.other is None
-    assert record_of(said, judged).is_robust
-    assert record_of(said, judged).score == pytest.approx(-4 / 5)
+    assert record_of(said, failing).is_robust
+    assert record_of(said, failing).score == pytest.approx(-4 / 5)
 
 
 def test_few_copies_tell_a_margin_less_surely_than_many():
@@ -180,8 +200,8 @@ def test_few_copies_tell_a_margin_less_surely_than_many():
 
 
 def test_a_knife_edge_is_told_as_worlds_beside_it_and_as_unsure(hall):
-    one = Stack(0.4, 0.4)
-    said = judged_by_vote(hall, run(-0.8), COPIES, one)
+    own = Experiment(world=hall, stack=StackConfig())
+    said = judged_by_vote(ScriptedLab([0.4, 0.4]), own, run(-0.8), COPIES)
     told = feedback_of(record_of(said, run(-0.8)), Cube(dimensions=1))
     assert told.objectives == {"no_deadlock": pytest.approx(0.4 - 1.2 / 4)}
     assert said.jittered.noise == {"no_deadlock": pytest.approx(1.2**2 * 3 / 80)}

@@ -42,7 +42,7 @@ from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.edits import things_of
 from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from mrta_falsify.verbs.minimize.sentences import minimal_text
-from mrta_falsify.worker import specifications_of
+from mrta_falsify.lab import specifications_of
 from scenic_worlds.program import compile_program
 from scenic_worlds.variation import perturbed_worlds
 from simulator_interface.starts import check_starts

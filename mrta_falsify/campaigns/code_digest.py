@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import hashlib
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
+from mrta_falsify.campaigns.code_content import content_digest
 from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
@@ -35,6 +38,43 @@ def code_digest(config: StackConfig, specifications: Iterable[str] = ()) -> str:
     return codec.digest([versions(), [_digest_of_ours(place) for place in OURS], theirs])
 
 
+def known_code_digest(
+    stacks: Iterable[StackConfig], specifications: Iterable[str] = ()
+) -> str | None:
+    """Hash the code of stacks, of specifications and of the toolkit.
+
+    Args:
+        stacks: that run, one after the other.
+        specifications: names, as of ``--spec``.
+
+    Returns:
+        None where a stack in a process of its own may change without our seeing it: it runs
+        already, its command names no file, or there is too much beside these to read.
+    """
+    found: list[str] = []
+    names = tuple(specifications)
+    for config in stacks:
+        found.append(code_digest(config, names))
+        for program in _programs_of(config, names):
+            places = [folder / name for folder, name in _places_of_program(program)]
+            files = [path for path in places if path.is_file()]
+            content = content_digest(files) if files else None
+            if content is None:
+                return None
+            found.append(content)
+    return codec.digest(found)
+
+
+def _programs_of(config: StackConfig, specifications: Iterable[str]) -> Iterator[ExternalStack]:
+    """Yield the stack, and the layers, that are processes of their own."""
+    if config.stack is not None:
+        yield config.stack
+    for component in _components_of(config, specifications):
+        command = getattr(component, "COMMAND", None)
+        if command is not None:
+            yield command
+
+
 def places_of_stack(
     config: StackConfig, specifications: Iterable[str] = ()
 ) -> Iterator[tuple[Path, str]]:
@@ -45,16 +85,7 @@ def places_of_stack(
         specifications: names, as of ``--spec``.
     """
     yield from _places_of_program(config.stack)
-    named = [("specification", name) for name in specifications]
-    for field in dataclasses.fields(config):
-        choice = getattr(config, field.name)
-        if isinstance(choice, Choice):
-            named.append((field.name, choice.name))
-    for point, name in named:
-        try:
-            component = registry.load(point, name)
-        except InputError:
-            continue  # a formula, or what is not installed
+    for component in _components_of(config, specifications):
         yield from _places_of_program(getattr(component, "COMMAND", None))
         module = sys.modules.get(component.__module__)
         file = getattr(module, "__file__", None)
@@ -66,6 +97,18 @@ def places_of_stack(
             yield (folder.parents[levels - 2] if levels > 1 else folder), "**/*"
         else:  # a module of its own may lie in a folder that holds anything
             yield folder, "*"
+
+
+def _components_of(config: StackConfig, specifications: Iterable[str]) -> Iterator[Any]:
+    """Yield the components that a stack and specifications name, but for formulas."""
+    named = [("specification", name) for name in specifications]
+    for field in dataclasses.fields(config):
+        choice = getattr(config, field.name)
+        if isinstance(choice, Choice):
+            named.append((field.name, choice.name))
+    for point, name in named:
+        with contextlib.suppress(InputError):  # a formula, or what is not installed
+            yield registry.load(point, name)
 
 
 def _places_of_program(stack: ExternalStack | None) -> Iterator[tuple[Path, str]]:

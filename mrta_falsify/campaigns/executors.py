@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mrta_falsify.campaigns.settings import CampaignSettings
+from mrta_falsify.campaigns.settings import TARGETS, CampaignSettings
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.durable import place_error_in
 from mrta_falsify.core.errors import HarnessError, InputError
@@ -48,7 +48,7 @@ def open_target(settings: CampaignSettings) -> Trial:
     Raises:
         InputError: the scenario does not compile or has changed.
     """
-    module, _, name = settings.target.partition(":")
+    module, _, name = TARGETS.get(settings.target, settings.target).partition(":")
     if not is_ours(module):
         look_here_for(module)
     trial: Trial = getattr(importlib.import_module(module), name)(settings.trials)

@@ -32,10 +32,9 @@ from mrta_falsify.specs.library import specification_choice
 #: False: foreign code needs a key or an earlier trust. True: it may run. A function: it may run,
 #: and the function is told what it is
 Trust = bool | Callable[[str], None]
-Kind = Literal["Scenic program", "command", "address", "component", "function", "file", "link"]
+Kind = Literal["Scenic program", "command", "address", "component", "file", "link"]
 
 CODE = (".py", ".npz")  # of policies
-OPEN_TRIALS = "mrta_falsify.worker:open_trials"  # the only target of a campaign that is ours
 
 #: registered, or module:Class
 _NAME = re.compile(r"[A-Za-z_][\w-]*|[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -185,9 +184,6 @@ def of_settings(settings: CampaignSettings) -> Iterator[Foreign]:
     for engine in trials.confirm:
         yield from of_component("engine", engine)
     yield from of_choice("sampler", settings.sampler)
-    if settings.target != OPEN_TRIALS:
-        module = settings.target.partition(":")[0]
-        yield Foreign("function", settings.target, None if is_ours(module) else place_of(module))
 
 
 def sealed_places(settings: CampaignSettings) -> dict[str, str]:
@@ -252,7 +248,7 @@ def places_of(foreign: Iterable[Foreign]) -> dict[str, str]:
     return {
         one.name: str(one.place)
         for one in foreign
-        if one.place is not None and one.kind in ("Scenic program", "component", "function", "file")
+        if one.place is not None and one.kind in ("Scenic program", "component", "file")
     }
 
 

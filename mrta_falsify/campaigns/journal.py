@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -94,12 +94,12 @@ class RunJournal(Generic[A]):
 
 
 @contextlib.contextmanager
-def resumable(what: str, *journals: RunJournal[Any]) -> Iterator[None]:
+def resumable(what: str, journals: Sequence[RunJournal[Any]]) -> Iterator[None]:
     """Let an interruption, or a full disk, inside say which finished runs are kept.
 
     Args:
         what: has no result yet.
-        journals: that hold its runs.
+        journals: that hold its runs; more may join them.
 
     Raises:
         Interrupted: in place of KeyboardInterrupt.

@@ -27,6 +27,17 @@ COMPARISON_RUNS = 4  # copies by which two stacks are compared unless told other
 #: 95 %), and a failure of half of the runs is taken for one of all in 1 of 16 cases only.
 VERIFY = 4
 
+#: what a worker may open, as ``module:function``; a campaign has trials
+TARGETS = {
+    "trials": "mrta_falsify.worker:open_trials",
+    "experiments": "mrta_falsify.lab.laboratory:open_experiments",
+}
+DEFAULT_TARGET = "trials"
+#: what a campaign's file may name, and what older versions called it
+STORED_TARGETS = dict.fromkeys(
+    ("trials", "mrta_falsify.worker:open_trials", "mrta_falsify.trial:open_trials"), DEFAULT_TARGET
+)
+
 #: how scenes are accepted
 Mode = Literal["repair", "exact"]
 
@@ -118,7 +129,7 @@ class CampaignSettings:
 
     version: int = FORMAT_VERSION
     trials: TrialSettings
-    target: str = "mrta_falsify.worker:open_trials"  #: what a worker opens, ``module:function``
+    target: str = DEFAULT_TARGET  #: what a worker opens, one of ``TARGETS``
     sampler: Choice = quantity(default=Choice("auto"), text="See `mrta-falsify plugins`.")
     cube: Cube = Cube()
     space: SearchSpace = later(SearchSpace(()))  #: names and ranges; empty: an older version

@@ -39,7 +39,12 @@ from mrta_falsify.campaigns import made_here
 from mrta_falsify.campaigns.foreign import sealed_places
 from mrta_falsify.campaigns.record_formats import is_flat, migrated
 from mrta_falsify.campaigns.rules import why_no_resume
-from mrta_falsify.campaigns.settings import DEFAULTS, FORMAT_VERSION, CampaignSettings
+from mrta_falsify.campaigns.settings import (
+    DEFAULT_TARGET,
+    FORMAT_VERSION,
+    STORED_TARGETS,
+    CampaignSettings,
+)
 from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import DimensionValue
@@ -69,7 +74,6 @@ LOCK, TRIALS = "lock", "trials"
 CHECKSUM_LENGTH = 16  # hex digits of sha256
 OTHER = "other"  # folder of the other stack's run, in that of its trial
 MAX_DIGITS = 18  # of a trial's id
-OLD_TARGET = "mrta_falsify.trial:open_trials"  # what workers open, in version 1
 INTERRUPTED = "interrupted"  # why a run ended that older versions stored: it is no answer
 
 
@@ -347,11 +351,15 @@ def read_campaign_settings(directory: Path) -> CampaignSettings:
     Raises:
         StoreError: not a campaign, or of another version.
     """
-    data = _stored_settings(directory)
-    data["version"] = FORMAT_VERSION
-    if data.get("target") == OLD_TARGET:
-        data["target"] = DEFAULTS.target
-    return codec.decode(CampaignSettings, data, where=str(directory / SETTINGS))
+    data, where = _stored_settings(directory), str(directory / SETTINGS)
+    target = data.get("target", DEFAULT_TARGET)
+    if not isinstance(target, str) or target not in STORED_TARGETS:
+        raise StoreError(
+            f"{where}: target is {codec.shown(target)}; it must be {DEFAULT_TARGET}, since workers "
+            "run nothing else for a campaign"
+        )
+    known = {**data, "version": FORMAT_VERSION, "target": STORED_TARGETS[target]}
+    return codec.decode(CampaignSettings, known, where=where)
 
 
 def format_version(directory: Path) -> int:

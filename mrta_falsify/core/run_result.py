@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from mrta_falsify.core.codec import later
+from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import Probability, failure_probability, one_sided_bounds
 from mrta_falsify.core.verdict import Verdict
 
-#: a run that could not be judged tells nothing; an *impossible* world cannot be run at all
+#: a run that could not be judged tells nothing; an *impossible* world cannot be run at all; a run
+#: that exceeded its time limit was killed
 Status: TypeAlias = Literal["judged", "not_judged", "impossible", "error", "timeout"]
 #: what a violation counts for: what a search looks for first, what only follows, none
 Rank: TypeAlias = Literal["none", "secondary", "primary"]
@@ -57,11 +60,19 @@ class RunResult:
     layer: str = later("")  #: suspected by rules on the trace, in records; empty: none
     trace_file: str = later("")  #: relative to the campaign directory, empty if not kept
     coupling: Coupling | None = later(None)  #: of a stack in a process of its own
+    #: first difference from the trace that the run is compared with
+    difference: Difference | None = later(None)
+    picture: str = later("")  #: file; empty: none was asked for, or the run does not fail
 
     @property
     def failed(self) -> bool:
         """Whether what is looked for first is violated."""
         return self.rank == "primary"
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """Specifications that are violated."""
+        return tuple(verdict.spec for verdict in self.verdicts if verdict.violated)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +106,18 @@ class Vote:
     def bounds(self) -> tuple[float, float]:
         """Bounds of the chance of failure, each holding with 90 % (Clopper and Pearson 1934)."""
         return one_sided_bounds(self.failed, self.runs, undecided=self.undecided, level=BOUND)
+
+    def is_settled(self, most: int) -> bool:
+        """Whether further runs, up to ``most``, cannot change whether more than half fail."""
+        return 2 * self.failed > most or 2 * (self.runs - self.failed) >= most
+
+    @staticmethod
+    def of(fails: Iterable[bool | None]) -> Vote:
+        """Count runs, each of which fails or not; None: it tells nothing."""
+        vote = Vote(runs=0, failed=0)
+        for failed in fails:
+            vote = vote.add(failed=failed)
+        return vote
 
     def add(self, *, failed: bool | None) -> Vote:
         """Count one more run; None: it tells nothing."""

@@ -1,43 +1,60 @@
 """Runs experiments: each once, several side by side, and in copies with small differences.
 
-Runs that share their world, stack and perturbation share what comes before their first edit: the
-run goes forward once, and is forked where each of them begins (see :mod:`mrta_falsify.process`).
+This is the one way in which a world is run again. What has been run is kept by the digest of its
+experiment and of its code, in memory and, where a journal is given, on disc. So a command that was
+stopped, by kill -9 too, goes on where it stopped when it is called again.
+
+Runs that share their world, stack and perturbation share what comes before their first edit
+(see :mod:`.running`).
 """
 
 from __future__ import annotations
 
+import collections
+import contextlib
 import dataclasses
-import functools
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-
-from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.campaigns.rules import RULES, signed
-from mrta_falsify.core import codec
-from mrta_falsify.core.errors import HarnessError, InputError
-from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.run_result import Rank, RunResult, Vote
-from mrta_falsify.core.trace import Trace
-from mrta_falsify.core.world import World
-from mrta_falsify.lab.course import course_of
-from mrta_falsify.lab.experiment import Edit, Experiment, Situation
-from mrta_falsify.process.ending import Ending
-from mrta_falsify.process.pool import MAX_DEATHS, Pool
-from mrta_falsify.process.supervisor import run_supervised
-from mrta_falsify.specs.causes import leading, primary
-from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed_up
-from scenic_worlds.variation import perturb_world
-from simulator_interface import starts
+from mrta_falsify.campaigns.code_digest import known_code_digest
+from mrta_falsify.campaigns.executors import Finished
+from mrta_falsify.campaigns.journal import RunJournal, resumable
+from mrta_falsify.campaigns.runner import REPEATS
+from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.core import codec, registry
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import HarnessError, InputError, PlaceError
+from mrta_falsify.core.run_result import RunResult, Vote
+from mrta_falsify.lab.experiment import Experiment, Fails, is_failed
+from mrta_falsify.lab.recorded import draw_scene
+from mrta_falsify.lab.running import (
+    DrawScene,
+    OnEnd,
+    forks,
+    has_place,
+    run_group,
+    run_whole,
+)
+from mrta_falsify.process.budget import credit
+from mrta_falsify.trial import Judged
 from simulator_interface.guard import Guard, guarded
-from simulator_interface.simulate import EpisodeRun
 
-Answers = Callable[[RunResult], bool | None]  #: whether a run fails; None: it tells nothing
-LATE = 0.5  # s after its deadline at which a task counts as late
-OnEnd = Callable[[World, Judged], None]  #: called with a run's world and result where it was run
+A = TypeVar("A")
+
+TARGET = "experiments"  #: what a worker process of the lab opens
+NO_LIMIT = 1e9  # s
+WAIT = 1.0  # s between two looks at overdue workers
+
+OnRun = Callable[[int, int], None]
+Group = dict[str, Experiment]  #: by key; alike in all before their first edit
+
+
+def local_workers(count: int) -> Choice:
+    """Choose the executor of some local processes."""
+    return Choice("processes", {"workers": count})
 
 
 class Lab(AbstractContextManager["Lab"]):
@@ -47,36 +64,85 @@ class Lab(AbstractContextManager["Lab"]):
     that it is opened in.
 
     Args:
-        journal: file of finished runs, for the next call; None keeps them in memory only.
-        code: digest of the code that is run; rows of other code are not read.
+        journal: file of finished runs, for the next call; None keeps them in memory only. So does
+            a stack in a process of its own whose files are not known.
+        what: has no result if it is interrupted, in words; empty: somebody else says so.
         workers: processes.
-        on_run: called after each run.
+        time_limit: what a run may work and sleep [s], after which it is killed; None: no limit. A
+            limit needs processes of their own, with one worker too.
+        on_run: called after each run, one from the journal too, with how many are done, and will
+            be as far as is known.
+        draw: gives the Scenic scene of a scripted world.
     """
 
     def __init__(
         self,
         journal: Path | None = None,
         *,
-        code: str = "",
+        what: str = "",
         workers: int = 1,
-        on_run: Callable[[], None] = lambda: None,
+        time_limit: float | None = None,
+        on_run: OnRun = lambda done, expected: None,
+        draw: DrawScene = draw_scene,
     ) -> None:
-        self.journal = RunJournal(RunResult, journal, code=code)
+        self.journal = RunJournal(RunResult, journal)
+        self._file = journal
+        self._journals: list[RunJournal[Any]] = [self.journal]
         self.workers = workers
-        self._opened = ExitStack()
-        self._pool: Pool | None = None
-        self.on_run = on_run  #: called for answers from the journal, too
+        self.on_run = on_run
+        self.runs = 0  #: done, known ones included
+        self.expected = 0  #: in all; who asks for them knows
+        self._what = what
+        self._time_limit = time_limit
+        self._draw = draw
+        self._known: dict[str, RunResult] = {}  # that may come out otherwise in another call
+        self._codes: dict[tuple[str, ...], str | None] = {}
+        self._blocks: list[ExitStack] = []
+        self._executor: Any = None
+        self._numbers = itertools.count()  # of jobs
+        self._guard = Guard()
+
+    def __enter__(self) -> Lab:
+        """Open a block; the outermost one ends processes, and says what is kept."""
+        block = ExitStack()
+        if not self._blocks:
+            if self._what:
+                block.enter_context(resumable(self._what, self._journals))
+            block.callback(self._close)
+        self._blocks.append(block)
+        return self
 
     def __exit__(self, *error: Any) -> None:
-        self._pool = None
-        self._opened.__exit__(*error)
+        self._blocks.pop().__exit__(*error)
+
+    def _close(self) -> None:
+        executor, self._executor = self._executor, None
+        if executor is not None:
+            executor.close()
+        self._guard.close()
+
+    # --- runs -------------------------------------------------------------------------------
 
     def run(self, experiment: Experiment) -> RunResult:
-        """Run one experiment."""
+        """Run one experiment, unless it is known."""
         return next(self.map((experiment,)))
 
+    def judge(self, experiment: Experiment, *, keep_trace: bool = True) -> Judged:
+        """Run one experiment here from its start, known or not, and give the run itself.
+
+        Args:
+            experiment: to run.
+            keep_trace: False: the trace has only its digest.
+
+        Raises:
+            InputError: the world cannot be run.
+            HarnessError: the toolkit failed.
+        """
+        with guarded(self._guard):
+            return run_whole(experiment, keep_trace=keep_trace, draw=self._draw)
+
     def watch(self, experiment: Experiment, on_end: OnEnd) -> RunResult:
-        """Run one experiment, known or not, and look at the run itself where it was run.
+        """Run one experiment here, known or not, and look at the run itself where it was run.
 
         Args:
             experiment: to run.
@@ -85,286 +151,218 @@ class Lab(AbstractContextManager["Lab"]):
         Raises:
             HarnessError: the toolkit failed, or ``on_end`` did.
         """
-        (result,) = run_group((experiment,), on_end)
+        with guarded(self._guard):
+            (result,) = run_group((experiment,), on_end, self._draw)
         return result
 
     def map(self, experiments: Iterable[Experiment]) -> Iterator[RunResult]:
         """Run experiments; their results come in the order of the experiments.
 
+        A run that is lost with its process is run again, twice at most.
+
         Raises:
-            HarnessError: processes died three times in a row, or the toolkit failed.
+            InputError: a stack cannot be built.
+            HarnessError: a run was lost each time, or the toolkit failed.
             PlaceError: the journal cannot be written.
             KeyboardInterrupt: Ctrl-C; finished runs are in the journal.
         """
-        wanted = list(experiments)
-        keys = [experiment.digest() for experiment in wanted]
-        missing = {
-            key: experiment
-            for key, experiment in zip(keys, wanted, strict=True)
-            if key not in self.journal.answers
-        }
-        for _ in {key for key in keys if key not in missing}:
-            self.on_run()
-        for key, result in self._ran(_shared(missing)):
-            self._keep(key, result)
-            self.on_run()
-        for key in keys:
-            yield self.journal.answers[key]
+        wanted = [(self.key(experiment), experiment) for experiment in experiments]
+        missing = {key: one for key, one in wanted if self._answer(key) is None}
+        for _ in {key for key, _ in wanted if key not in missing}:
+            self.count()
+        ran = self._ran(_shared(missing))
+        for key, _ in wanted:
+            while self._answer(key) is None:
+                done, result = next(ran)
+                self._keep(done, missing[done], result)
+                self.count()
+            yield self.known(key)
 
-    def vote(
+    def copies(
         self,
         experiment: Experiment,
         at_most: int,
-        fails: Answers = lambda result: result.failed if result.status == "judged" else None,
-    ) -> Vote:
-        """Run copies of an experiment with small differences until the rest cannot change it.
+        fails: Fails = is_failed,
+        *,
+        each: Callable[[], AbstractContextManager[None]] = contextlib.nullcontext,
+    ) -> Iterator[RunResult]:
+        """Run copies with small differences until the rest cannot change how they vote.
 
         Args:
             experiment: whose world is varied; its own run does not vote.
-            at_most: copies.
+            at_most: copies; those that have no place for their robots are left out.
             fails: whether a run counts as failed; None: it tells nothing.
+            each: entered around each run.
         """
+        copies = [experiment.with_perturbation(number) for number in range(1, at_most + 1)]
+        copies = [copy for copy in copies if has_place(copy)]
         vote = Vote(runs=0, failed=0)
-        for number in range(1, at_most + 1):
-            copy = dataclasses.replace(experiment, perturbation=number)
-            vote = vote.add(failed=fails(self.run(copy)))
-            if 2 * vote.failed > at_most or 2 * (vote.runs - vote.failed) >= at_most:
-                break
-        return vote
+        for copy in copies:
+            if vote.is_settled(len(copies)):
+                return
+            with each():
+                result = self.run(copy)
+            vote = vote.add(failed=fails(result))
+            yield result
 
-    def _ran(self, groups: Sequence[dict[str, Experiment]]) -> Iterator[tuple[str, RunResult]]:
-        if self.workers < 2 or len(groups) < 2:
-            for group in groups:
-                yield from zip(group, run_group(tuple(group.values())), strict=True)
-            return
-        if self._pool is None:
-            self._pool = self._opened.enter_context(Pool(_runs_groups, workers=self.workers))
-        found = self._pool.map([tuple(group.values()) for group in groups])
-        try:
-            for group, rows in zip(groups, found, strict=True):
-                yield from zip(group, rows, strict=True)
-        except Ending:
-            text = f"processes of the lab have died {MAX_DEATHS} times in a row; call again"
-            raise HarnessError(text) from None
+    def vote(self, experiment: Experiment, at_most: int, fails: Fails = is_failed) -> Vote:
+        """Count :meth:`copies` of an experiment that fail."""
+        return Vote.of(map(fails, self.copies(experiment, at_most, fails)))
 
-    def _keep(self, key: str, result: RunResult) -> None:
+    def count(self) -> None:
+        """Count a run, also one that goes on from a run of somebody else."""
+        self.runs += 1
+        self.expected = max(self.expected, self.runs)
+        self.on_run(self.runs, self.expected)
+
+    # --- what is known ------------------------------------------------------------------------
+
+    def key(self, experiment: Experiment) -> str:
+        """Digest of an experiment and of the code that it runs."""
+        return codec.digest([experiment.digest(), self._code_of(experiment) or ""])
+
+    def known(self, key: str) -> RunResult:
+        """Give the result of a run by its key."""
+        result = self._answer(key)
+        assert result is not None, "it has not been run"
+        return result
+
+    def result_of(self, experiment: Experiment) -> RunResult | None:
+        """Give the result of an experiment if it has been run."""
+        return self._answer(self.key(experiment))
+
+    def journal_of(self, kind: type[A], *, experiment: Experiment) -> RunJournal[A]:
+        """Open a journal of other answers in the same file, for one state of the code.
+
+        Args:
+            kind: of the answers.
+            experiment: whose code they come from; where that is not known, none is kept.
+        """
+        code = self._code_of(experiment)
+        found = RunJournal(kind, None if code is None else self._file, code=code or "")
+        self._journals.append(found)
+        return found
+
+    def _answer(self, key: str) -> RunResult | None:
+        return self._known.get(key) or self.journal.answers.get(key)
+
+    def _code_of(self, experiment: Experiment) -> str | None:
+        """Digest of the code that an experiment runs; None: it is not known."""
+        if not self.journal.is_kept:
+            return ""
+        if experiment.transcript is not None:  # its stack is not asked
+            stacks = [dataclasses.replace(experiment.stack, stack=None)]
+        else:
+            stacks = [experiment.stack, *(edit.stack for edit in experiment.edits if edit.stack)]
+        names = (*(stack.digest() for stack in stacks), *experiment.specs)
+        if names not in self._codes:
+            self._codes[names] = known_code_digest(stacks, experiment.specs)
+        return self._codes[names]
+
+    def _keep(self, key: str, experiment: Experiment, result: RunResult) -> None:
         """Keep a result; on disc only if it may not come out otherwise when it is run again."""
-        if result.status == "error":
-            self.journal.answers[key] = result
+        if result.status == "error" or self._code_of(experiment) is None:
+            self._known[key] = result
         else:
             self.journal.keep(key, result)
 
+    # --- where it runs ------------------------------------------------------------------------
 
-def _shared(missing: dict[str, Experiment]) -> list[dict[str, Experiment]]:
+    def _ran(self, groups: Sequence[Group]) -> Iterator[tuple[str, RunResult]]:
+        """Run groups, and yield the result of each experiment as its group ends."""
+        has_pool = self._time_limit is not None or (self.workers > 1 and len(groups) > 1)
+        here: list[Group] = []
+        apart: list[Group] = []
+        for group in groups:
+            # answers that a stack gave stay in this process
+            is_told = any(one.transcript is not None for one in group.values())
+            (apart if has_pool and not is_told else here).append(group)
+        for group in here:
+            with guarded(self._guard):
+                rows = run_group(tuple(group.values()), draw=self._draw)
+            yield from zip(group, rows, strict=True)
+        if apart:
+            yield from self._ran_apart(apart)
+
+    def _ran_apart(self, groups: Sequence[Group]) -> Iterator[tuple[str, RunResult]]:
+        executor = self._opened_executor()
+        lost = collections.Counter[int]()
+        left = {next(self._numbers): group for group in groups}
+        jobs = {n: {"group": codec.encode(list(group.values()))} for n, group in left.items()}
+        for number, job in jobs.items():
+            executor.submit({"number": number, **job})
+        while left:
+            for finished in executor.collect(WAIT):
+                number = finished.number
+                if number not in left:
+                    continue  # nobody waits for it any more
+                if finished.fate in ("crashed", "timeout") and lost[number] < REPEATS:
+                    lost[number] += 1
+                    executor.submit({"number": number, **jobs[number]})
+                    continue
+                yield from zip(left[number], _rows_of(finished, left.pop(number)), strict=True)
+
+    def _opened_executor(self) -> Any:
+        if self._executor is None:
+            executor = registry.build("executor", local_workers(self.workers), where="lab")
+            executor.open(
+                CampaignSettings(
+                    trials=TrialSettings(scenario=""),
+                    target=TARGET,
+                    time_limit=self._time_limit or NO_LIMIT,
+                )
+            )
+            self._executor = executor
+        return self._executor
+
+
+def _shared(missing: Group) -> list[Group]:
     """Put together what shares the run before its first edit, by the time of that."""
-    groups: dict[tuple[str, ...], dict[str, Experiment]] = {}
+    groups: dict[tuple[str, ...], Group] = {}
     for key, experiment in sorted(missing.items(), key=lambda item: item[1].begins_at):
-        alone = key if not _forks(experiment) else ""
+        alone = "" if forks(experiment) else key
         bare = dataclasses.replace(experiment, edits=())
         groups.setdefault((bare.digest(), alone), {})[key] = experiment
     return list(groups.values())
 
 
-def _forks(experiment: Experiment) -> bool:
-    """Whether the run goes on in a fork from its first edit on; else it is edited from the start.
+def _rows_of(finished: Finished, group: Group) -> list[RunResult]:
+    """Read what became of a group in a worker process.
 
-    A stack in a process of its own cannot be exchanged in mid-run, nor judged apart from its past.
+    Raises:
+        InputError: a stack cannot be built.
+        PlaceError: a file cannot be written.
+        HarnessError: it crashed.
     """
-    if experiment.stack.stack is None:
-        return bool(experiment.edits)
-    return any(edit.nudge or edit.without for edit in experiment.edits)
+    if finished.fate == "timeout":
+        return [RunResult(status="timeout", detail=finished.error) for _ in group]
+    if finished.fate == "unwritable":
+        raise PlaceError(finished.error)
+    if finished.fate == "refused":
+        raise InputError(finished.error)
+    if finished.record is None:
+        reason = (finished.error.strip().splitlines() or ["no reason given"])[-1]
+        world = next(iter(group.values())).world.name
+        error = HarnessError(f"a run of {world} crashed: {reason}")
+        error.add_note(finished.error)
+        raise error
+    return [codec.decode(RunResult, row, where="run") for row in finished.record["results"]]
 
 
-# --- one group, in a process of its own -----------------------------------------------------------
-
-_guard = Guard()  # of a process of the pool
-
-
-def _ignore(world: World, judged: Judged) -> None:
-    del world, judged
-
-
-def _runs_groups() -> Callable[[tuple[Experiment, ...]], list[RunResult]]:
-    return _in_pool
-
-
-def _in_pool(group: tuple[Experiment, ...]) -> list[RunResult]:
-    with guarded(_guard):
-        return run_group(group)
-
-
-def run_group(group: Sequence[Experiment], on_end: OnEnd = _ignore) -> list[RunResult]:
-    """Run experiments that share all before their first edit, sorted by the time of that.
-
-    Args:
-        group: of them, alike in world, stack and perturbation.
-        on_end: called with the world and the result of each, where it was run.
+def open_experiments(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Open the lab in a worker process; the result runs one group after the other.
 
     Returns:
-        A result for each; a world that cannot begin, and a stack that ends its process, are
-        results as well.
+        A function from ``{"number": n, "group": [...]}``, encoded experiments, to
+        ``{"results": [...]}``, encoded results.
     """
-    first = group[0]
-    try:
-        world = first.world
-        if first.perturbation:
-            world = perturb_world(world, first.perturbation - 1)
-        starts.check_starts(world)
-    except InputError as error:
-        return [RunResult(status="impossible", detail=str(error)) for _ in group]
-    if not _forks(first):
-        return [_whole(one, world, on_end) for one in group]
-    try:
-        rows = run_supervised(functools.partial(_forked_rows, group, world, on_end))
-    except Ending as failed:
-        return [RunResult(status="error", detail=str(failed)) for _ in group]
-    return [codec.decode(RunResult, row, where="run") for row in rows]
+    del settings
+    guard = Guard(on_lost=credit)
 
+    def answer(job: dict[str, Any]) -> dict[str, Any]:
+        group = [codec.decode(Experiment, one, where="experiment") for one in job["group"]]
+        with guarded(guard):
+            results = run_group(group)
+        return {"results": codec.encode(results)}
 
-def experiment_of_job(job: Job) -> Experiment:
-    """Describe the run of a job; a stack outside is asked anew."""
-    return Experiment(
-        world=job.world,
-        stack=job.config,
-        specs=job.specifications,
-        then=job.then,
-        early_stop=job.early_stop,
-        limits=job.limits,
-        rules=job.rules,
-    )
-
-
-def _job_of(experiment: Experiment, world: World) -> Job:
-    return Job(
-        world=world,
-        config=experiment.stack,
-        specifications=experiment.specs,
-        early_stop=experiment.early_stop,
-        then=experiment.then,
-        limits=experiment.limits,
-        transcript=experiment.transcript,
-        rules=experiment.rules or RULES,
-    )
-
-
-def _whole(experiment: Experiment, world: World, on_end: OnEnd) -> RunResult:
-    """Run a stack in a process of its own; what is edited is so from the first tick on."""
-    stack = experiment.stack
-    for edit in experiment.edits:
-        stack = edit.stack or stack
-    job = dataclasses.replace(_job_of(experiment, world), config=stack)
-    try:
-        judged = judge(job)
-    except InputError as error:
-        return RunResult(status="impossible", detail=str(error))
-    except HarnessError as error:
-        return RunResult(status="error", detail=str(error))
-    on_end(world, judged)
-    return result_of(experiment, judged)
-
-
-def _forked_rows(group: Sequence[Experiment], world: World, on_end: OnEnd) -> list[Any]:
-    """Run a world once, and go on in a fork where each experiment begins; results as data."""
-    job = _job_of(group[0], world)
-    judges = judges_of(job)
-    watch = TrialWatch(job, judges)
-    forked: list[Experiment] = []  # that goes on; none before the fork
-
-    def stop(frame: Frame) -> str:
-        delivered = run.episode.books.delivered
-        is_decided = any(_is_decided(one, world, delivered, frame.sensed.time) for one in forked)
-        return "decided" if is_decided else watch.stop(frame)
-
-    run = EpisodeRun(world, job.config, specifications=judges, stop=stop)
-    try:
-        run.advance()
-        return [_forked(run, watch, one, forked, on_end) for one in group]
-    finally:
-        run.close()
-
-
-def _is_decided(one: Experiment, world: World, delivered: Collection[int], time: float) -> bool:
-    """Whether what became of the tasks of an experiment is known at a time [s]."""
-    open_ = [task for task in one.until_delivered if task not in delivered]
-    if one.ends_late and any(time > world.tasks[task].deadline + LATE for task in open_):
-        return True
-    return bool(one.until_delivered) and not open_
-
-
-def _forked(
-    run: EpisodeRun,
-    watch: TrialWatch,
-    one: Experiment,
-    forked: list[Experiment],
-    on_end: OnEnd,
-) -> Any:
-    _advance(run, one.begins_at)
-
-    def branch() -> Any:
-        run.episode.become_copy()
-        forked.append(one)
-        for edit in one.edits:
-            _advance(run, edit.at)
-            if not run.ended:
-                _make(run, edit)
-        _advance(run, np.inf)
-        judged = summed_up(run.outcome(), watch)
-        on_end(run.episode.world, judged)
-        return codec.encode(result_of(one, judged))
-
-    try:
-        return run_supervised(branch)
-    except Ending as failed:
-        return codec.encode(RunResult(status="error", detail=str(failed)))
-
-
-def _advance(run: EpisodeRun, until: float) -> None:
-    """Advance a run to a time [s], or to its end if that comes before."""
-    while not run.ended and (run.frame is None or run.frame.sensed.time < until):
-        run.advance()
-
-
-def _make(run: EpisodeRun, edit: Edit) -> None:
-    """Change a run as an edit says."""
-    if edit.nudge:
-        run.episode.nudge(edit.nudge)
-    if edit.stack is not None:
-        run.episode.swap(edit.stack)
-    for robot in edit.without:
-        run.episode.remove(robot)
-
-
-def result_of(experiment: Experiment, judged: Judged) -> RunResult:
-    """Sum up a judged run."""
-    outcome = judged.outcome
-    violated = any(verdict.violated for verdict in judged.verdicts)
-    rank: Rank = "none"
-    if violated:
-        rank = "primary" if primary(judged.verdicts, experiment.then) else "secondary"
-    verdict, course = leading(judged.verdicts), None
-    if experiment.with_course and verdict is not None:
-        course = course_of(verdict, outcome.trace, experiment.world)
-    reasons = [v.not_judged for v in judged.verdicts if v.not_judged]
-    return RunResult(
-        status="not_judged" if reasons and not violated else "judged",
-        verdicts=judged.verdicts,
-        margins=judged.margins,
-        signature=signed(judged.verdicts, experiment.rules or RULES) if violated else "",
-        rank=rank,
-        ended=outcome.ended,
-        detail=reasons[0] if reasons else "",
-        trace=outcome.trace.digest,
-        sim_time=outcome.sim_time,
-        wall_s=outcome.wall_s,
-        met=_met(experiment.situation, outcome.trace),
-        course=course,
-    )
-
-
-def _met(situation: Situation | None, trace: Trace) -> float | None:
-    """When a situation came about first [s]; None: it never did."""
-    if situation is None or "pose" not in trace.columns:
-        return None
-    places = trace.columns["pose"][:, list(situation.robots), :2]
-    near = (np.hypot(*np.moveaxis(places - situation.place, -1, 0)) <= situation.reach).all(axis=1)
-    return float(near.argmax() * trace.dt) if near.any() else None
+    return answer

@@ -35,6 +35,7 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.interruption import propagate_interrupts
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.renamed import renamed_keywords
+from mrta_falsify.lab import open_program
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.programs import Params
@@ -42,7 +43,6 @@ from mrta_falsify.verbs.scene_preflight import ScenePreflight
 from mrta_falsify.verbs.stacks import Stack
 from mrta_falsify.verbs.trust import Trust, of_campaign, of_links, permit
 from mrta_falsify.verbs.workers import chosen_executor, count_cores, open_executor
-from mrta_falsify.worker import open_program
 
 #: called when a record is durable, with whether it is new
 OnRecord = Callable[[TrialRecord, bool], None]

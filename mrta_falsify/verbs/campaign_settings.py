@@ -20,12 +20,12 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import cube_of
+from mrta_falsify.lab import open_program
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, primary_and_secondary, run_first_tick
 from mrta_falsify.verbs.folders import Place, located
 from mrta_falsify.verbs.programs import Params, check_params, parse_params
 from mrta_falsify.verbs.stacks import Stack, load_other_stack, load_stack
-from mrta_falsify.worker import open_program
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Program

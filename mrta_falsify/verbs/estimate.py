@@ -11,10 +11,11 @@ from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import trial_folder
 from mrta_falsify.core.candidate import uniform_point
+from mrta_falsify.lab import open_program
 from mrta_falsify.verbs.crowd_cost import cost_of
 from mrta_falsify.verbs.programs import MAX_ATTEMPTS, draw_candidates
 from mrta_falsify.verbs.workers import count_cores
-from mrta_falsify.worker import TrialRunner, open_program
+from mrta_falsify.worker import TrialRunner
 
 BYTES_OF_RECORD = 4000  # of a line in the log, as measured, without its point
 BYTES_OF_DIMENSION = 30  # of one coordinate of the point

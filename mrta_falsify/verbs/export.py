@@ -14,6 +14,7 @@ from mrta_falsify.core.errors import ConfigError, NeedsOption, WorldError
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.lab import stack_of
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.run import run as run_world
@@ -21,7 +22,6 @@ from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.stored_trials import kept_trace, kept_world, open_campaign
 from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
 from mrta_falsify.verbs.worlds import find_world
-from mrta_falsify.worker import stack_of
 from reports.run_view import RunView
 from simulator_interface.formats import nav2
 

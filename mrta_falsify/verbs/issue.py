@@ -21,6 +21,7 @@ from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.world import write_world
+from mrta_falsify.lab import stack_of
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.export import ExportSubject, write_export
 from mrta_falsify.verbs.folders import Place, make_directory
@@ -34,7 +35,6 @@ from mrta_falsify.verbs.stored_trials import (
     what_happened,
 )
 from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
-from mrta_falsify.worker import stack_of
 from reports.issue_text import IssueContents, render_issue
 from reports.run_view import RunView
 from scenic_worlds.writing import write_program

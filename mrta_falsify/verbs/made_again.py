@@ -7,14 +7,12 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
+from mrta_falsify.lab import Lab, experiment_of_record
 from mrta_falsify.verbs.folders import make_directory
 from mrta_falsify.verbs.stored_trials import TRACE_NAME, WORLD_NAME, stored_world
 from mrta_falsify.verbs.trust import Trust, of_links, permit, permit_runs
-from mrta_falsify.worker import rerun
-from simulator_interface.guard import guarded
 
 
-@guarded()
 def keep_run(
     campaign: Campaign, record: TrialRecord, trust: Trust = False, *, with_trace: bool = True
 ) -> None:
@@ -42,7 +40,9 @@ def keep_run(
     if not runs:
         write_world(world, make_directory(folder) / WORLD_NAME)
         return
-    trace = rerun(campaign.settings.trials, record, world).outcome.trace
+    with Lab() as lab:
+        experiment = experiment_of_record(campaign.settings.trials, record, world)
+        trace = lab.judge(experiment).outcome.trace
     if trace.digest != record.trace_digest:
         told = record.trace_digest[:12] or "none"
         raise InputError(

@@ -2,43 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.store import OTHER, Campaign, format_version, trial_folder
-from mrta_falsify.core import codec
-from mrta_falsify.core.difference import Difference, first_difference
+from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.findings import ReplayCheck
 from mrta_falsify.core.record import TrialRecord, versions
-from mrta_falsify.core.trace import read_trace
-from mrta_falsify.core.world import World
+from mrta_falsify.lab import Experiment, KeptTrace, Lab, RunResult, certain, experiment_of_record
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stored_trials import of_other_stack, stored_world
+from mrta_falsify.verbs.stored_trials import TRACE_NAME, of_other_stack, stored_world
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_runs
-from mrta_falsify.worker import rerun, specifications_of
 from simulator_interface.external.transcript import TRANSCRIPT_NAME, read_transcript
-from simulator_interface.guard import guarded
 
 PACKAGE = "mrta-falsify"  # key of our own version in a record
 JOURNAL_NAME = "verify.journal.jsonl"  # beside the trial, until all its runs are finished
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayRun:
-    """What one run of a stored trial gave."""
-
-    trace_digest: str
-    violations: dict[str, float | None]  #: time [s] by specification that is violated
-    difference: Difference | None = None  #: from the kept trace, if it is another one
-
-    @property
-    def failed(self) -> bool:
-        """Whether a specification is violated."""
-        return bool(self.violations)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +27,7 @@ class Replay:
     """Runs of one stored trial, compared with its record."""
 
     record: TrialRecord
-    runs: tuple[ReplayRun, ...]
+    runs: tuple[RunResult, ...]
     same_digest: int  #: runs with the recorded trace digest
     #: runs that violate the same specifications; at the same times, too, if the version is the same
     same_verdicts: int
@@ -99,54 +80,49 @@ def replay(
     if against:
         campaign, record = of_other_stack(campaign, record)
     permit_runs(campaign, (record,), trust, told=not live and _has_answers(campaign, record))
-    trials = campaign.settings.trials
-    code = code_digest(trials.stack, specifications_of(trials))
-    journal = RunJournal(ReplayRun, campaign.make_folder(record) / JOURNAL_NAME, code=code)
-    with resumable(f"replay {record.id}", journal):
-        result = replay_trial(campaign, record, times=verify, live=live, journal=journal)
+    journal = campaign.make_folder(record) / JOURNAL_NAME
+    with Lab(journal, what=f"replay {record.id}") as lab:
+        result = replay_trial(campaign, record, times=verify, live=live, lab=lab)
         store_replay(campaign, result)
-    journal.discard()
+    lab.journal.discard()
     return result
 
 
-@guarded()
 def replay_trial(
     campaign: Campaign,
     record: TrialRecord,
     *,
     times: int = 1,
     live: bool = False,
-    journal: RunJournal[ReplayRun] | None = None,
+    lab: Lab | None = None,
 ) -> Replay:
-    """Run a stored trial again ``times`` times, but for the runs in ``journal``.
+    """Run a stored trial again ``times`` times, but for the runs that a lab has kept.
 
     Args:
         campaign: that has it.
         record: of the trial.
         times: how often.
         live: ask a stack in a process of its own again, instead of telling its stored answers.
-        journal: keeps finished runs.
+        lab: that runs it, and keeps finished runs.
 
     Raises:
         InputError: the trial has no world, or the campaign's files have changed.
     """
-    world = stored_world(campaign, record)
-    journal = journal or RunJournal(ReplayRun, None)
-    runs = []
-    for number in range(times):
-        key = codec.digest([record, campaign.settings.trials, number, live])
-        known = journal.answers.get(key)
-        runs.append(known or journal.keep(key, _run(campaign, record, world, live=live)))
+    own = _experiment(campaign, record, live=live)
+    with lab or Lab() as opened:
+        repeats = [dataclasses.replace(own, repeat=number) for number in range(times)]
+        runs = tuple(map(certain, opened.map(repeats)))
     wanted = {v.spec: v.violated_at for v in record.verdicts if v.violated}
+    found = [{v.spec: v.violated_at for v in run.verdicts if v.violated} for run in runs]
     same_version = _is_same_version(campaign, record)
-    differences = [run.difference for run in runs if run.trace_digest != record.trace_digest]
+    differences = [run.difference for run in runs if run.trace != record.trace_digest]
     return Replay(
         record=record,
-        runs=tuple(runs),
-        same_digest=sum(run.trace_digest == record.trace_digest for run in runs),
+        runs=runs,
+        same_digest=sum(run.trace == record.trace_digest for run in runs),
         same_verdicts=sum(
-            run.violations == wanted if same_version else run.violations.keys() == wanted.keys()
-            for run in runs
+            violations == wanted if same_version else violations.keys() == wanted.keys()
+            for violations in found
         ),
         same_version=same_version,
         same_machine=record.origin.versions == versions(),
@@ -161,20 +137,17 @@ def _has_answers(campaign: Campaign, record: TrialRecord) -> bool:
     return ((own / OTHER if beside else own) / TRANSCRIPT_NAME).is_file()
 
 
-def _run(campaign: Campaign, record: TrialRecord, world: World, *, live: bool) -> ReplayRun:
-    """Run a stored trial once and compare it with its trace, if that was kept."""
-    path = campaign.folder(record) / TRANSCRIPT_NAME
-    told = read_transcript(path) if path.is_file() and not live else None
-    judged = rerun(campaign.settings.trials, record, world, told)
-    trace = judged.outcome.trace
-    stored: Path = campaign.folder(record) / "trace.zip"
-    difference = None
-    if trace.digest != record.trace_digest and stored.is_file():
-        difference = first_difference(read_trace(stored), trace)
-    return ReplayRun(
-        trace_digest=trace.digest,
-        violations={v.spec: v.violated_at for v in judged.verdicts if v.violated},
-        difference=difference,
+def _experiment(campaign: Campaign, record: TrialRecord, *, live: bool) -> Experiment:
+    """Describe the run of a stored trial, to be compared with its trace if that was kept."""
+    folder = campaign.folder(record)
+    answers, trace = folder / TRANSCRIPT_NAME, folder / TRACE_NAME
+    own = experiment_of_record(campaign.settings.trials, record, stored_world(campaign, record))
+    return dataclasses.replace(
+        own,
+        transcript=read_transcript(answers) if answers.is_file() and not live else None,
+        compared_with=KeptTrace(file=str(trace), digest=record.trace_digest)
+        if trace.is_file()
+        else None,
     )
 
 
@@ -226,7 +199,7 @@ def summarise_replay(result: Replay) -> ReplaySummary:
         same_machine=result.same_machine,
         first_difference=result.difference,
         trace_digest=result.record.trace_digest,
-        trace_digests=tuple(run.trace_digest for run in result.runs),
-        failed=tuple(run.failed for run in result.runs),
+        trace_digests=tuple(run.trace for run in result.runs),
+        failed=tuple(bool(run.violated) for run in result.runs),
         signature=result.record.signature,
     )

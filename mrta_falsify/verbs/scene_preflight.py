@@ -12,8 +12,8 @@ from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import SceneLoads
+from mrta_falsify.lab import open_program
 from mrta_falsify.preflight import preflight
-from mrta_falsify.worker import open_program
 
 if TYPE_CHECKING:
     from scenic_worlds.program import Mode, Program

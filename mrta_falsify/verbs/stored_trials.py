@@ -23,10 +23,10 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import WaitAccount, wait_account
 from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World, read_world
+from mrta_falsify.lab import experiment_of_record, job_of_experiment, open_program, stack_of
 from mrta_falsify.specs.causes import by_cause, kind_of, leading
 from mrta_falsify.trial import Job
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.worker import open_program, stack_of, trial_job
 from reports.sentences import (
     account_sentences,
     consequence_sentence,
@@ -322,6 +322,7 @@ def job_of(campaign: Campaign, record: TrialRecord) -> Job:
     Raises:
         StoreError: as of :func:`stored_world`.
     """
-    settings = campaign.settings.trials
-    job = trial_job(settings, stored_world(campaign, record), stack_of(settings, record))
-    return dataclasses.replace(job, early_stop=True, rules=campaign.settings.rules)
+    world = stored_world(campaign, record)
+    own = experiment_of_record(campaign.settings.trials, record, world)
+    own = dataclasses.replace(own, early_stop=True, rules=campaign.settings.rules)
+    return job_of_experiment(own, world)

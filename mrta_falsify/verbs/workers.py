@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.runner import Executor
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
+from mrta_falsify.lab import laboratory
 
 
 def count_cores(wanted: int | None) -> int:
@@ -20,7 +21,7 @@ def count_cores(wanted: int | None) -> int:
 
 def local_workers(wanted: int | None) -> Choice:
     """Choose the executor of ``wanted`` local processes; one per core if None."""
-    return Choice("processes", {"workers": count_cores(wanted)})
+    return laboratory.local_workers(count_cores(wanted))
 
 
 def chosen_executor(name: str | None, workers: int | None) -> Choice:

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
-from mrta_falsify.campaigns.executors import Finished
-from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import InputError, WorldError
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.lab import Experiment, Lab, RunResult, experiment_of_trial
 from mrta_falsify.specs import repeatable
-from mrta_falsify.trial import judge, on_kinematic_engine
-from mrta_falsify.verbs.corpus import (
-    STORED,
-    RecheckRun,
-    answering,
-    finished_jobs,
-    judged_run,
-    run_of,
-)
+from mrta_falsify.specs.causes import leading
+from mrta_falsify.trial import on_kinematic_engine
+from mrta_falsify.verbs.corpus import not_judged
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_failures import keeps_engine
 from mrta_falsify.verbs.workers import count_cores
-from mrta_falsify.worker import trial_job
-from scenic_worlds.variation import perturb_world
+from reports.sentences import violation_sentence
 from scenic_worlds.zoo import PREFIX, Answer, Scene, load_scene, scene_names
 
 ZOO = PREFIX.rstrip("/")  #: name of all scenes together
@@ -90,7 +83,7 @@ def run_zoo(
         jittered: copies with small differences that are run of each scene.
         workers: processes; one per core if None.
         time_limit: what one run may work and sleep [s]; 60 if None.
-        on_done: called with each row, in the order in which they end.
+        on_done: called with each row, in the order of the scenes.
 
     Returns:
         One row per scene. They run on the kinematic engine unless the stack names one.
@@ -103,21 +96,22 @@ def run_zoo(
     config = load_stack(stack, settings)
     if keeps_engine(stack, settings):
         config = on_kinematic_engine(config)
-    asked = [(scene, copy) for scene in scenes for copy in (STORED, *range(jittered))]
-    jobs = [{"scene": scene.name, "copy": copy} for scene, copy in asked]
-    runs: dict[str, dict[int, RecheckRun]] = {scene.name: {} for scene in scenes}
-    rows: dict[str, SceneCheck] = {}
-    pool = count_cores(workers)
-    with contextlib.closing(finished_jobs(_settings(config, time_limit), jobs, pool)) as ended:
-        for finished in ended:
-            scene, copy = asked[finished.number]
-            runs[scene.name][copy] = _run_of(finished, scene.name)
-            if len(runs[scene.name]) == 1 + jittered:
-                rows[scene.name] = _row(scene, runs[scene.name])
-                on_done(rows[scene.name])
-    if all(row.fate == "refused" for row in rows.values()):
-        raise InputError(rows[scenes[0].name].sentence)
-    return tuple(rows[scene.name] for scene in scenes)
+    rows = []
+    with Lab(workers=count_cores(workers), time_limit=time_limit or TIME_LIMIT) as lab:
+        results = lab.map(one for scene in scenes for one in _experiments(scene, config, jittered))
+        for scene in scenes:
+            own, *copies = itertools.islice(results, 1 + jittered)
+            rows.append(_row(scene, own, copies))
+            on_done(rows[-1])
+    if all(row.fate == "refused" for row in rows):
+        raise InputError(rows[0].sentence)
+    return tuple(rows)
+
+
+def _experiments(scene: Scene, config: StackConfig, jittered: int) -> Iterator[Experiment]:
+    """Yield the runs of a scene: its world, then copies with small differences."""
+    own = experiment_of_trial(TrialSettings(scenario=ZOO, stack=config), scene.world, config)
+    return (own.with_perturbation(number) for number in range(1 + jittered))
 
 
 def counts_of_scenes(rows: Sequence[SceneCheck]) -> dict[SceneFate, int]:
@@ -126,41 +120,24 @@ def counts_of_scenes(rows: Sequence[SceneCheck]) -> dict[SceneFate, int]:
     return {fate: sum(row.fate == fate for row in rows) for fate in fates}
 
 
-def _settings(config: StackConfig, time_limit: float | None) -> CampaignSettings:
-    """Settings that make workers run scenes instead of trials."""
-    return CampaignSettings(
-        trials=TrialSettings(scenario=ZOO, stack=config),
-        target=f"{__name__}:{open_scenes.__name__}",
-        time_limit=time_limit or TIME_LIMIT,
-    )
-
-
-def _run_of(finished: Finished, scene: str) -> RecheckRun:
-    """Read what a worker answered; a stack may refuse one scene and run another."""
-    try:
-        return run_of(finished, scene)
-    except InputError as error:
-        return RecheckRun(fate="refused", error=str(error))
-
-
-def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
-    own = runs[STORED]
-    copies = [run for number, run in runs.items() if number != STORED and run.fate == "ran"]
-    failures = [run for run in copies if run.failed]
+def _row(scene: Scene, own: RunResult, perturbed: Sequence[RunResult]) -> SceneCheck:
+    copies = [run for run in perturbed if run.status in ("judged", "not_judged")]
+    failures = [run for run in copies if run.violated]
     fate: SceneFate = "passes"
-    if own.failed:
+    if own.violated:
         fate = "fails"
-    elif own.fate == "timeout":
+    elif own.status == "timeout":
         fate = "timeout"
-    elif own.fate == "refused":
+    elif own.status == "impossible":
         fate = "refused"
     elif failures:
         fate = "flaky"
-    elif any(run.fate == "timeout" for run in runs.values()):
+    elif any(run.status == "timeout" for run in perturbed):
         fate = "timeout"
-    elif set(own.not_judged) - {repeatable.NAME}:  # a scene may end before the stack is asked again
+    elif not_judged(own) - {repeatable.NAME}:  # a scene may end before the stack is asked again
         fate = "not judged"
-    told = own if own.failed or not failures else failures[0]
+    told = own if own.violated or not failures else failures[0]
+    first = leading(told.verdicts)
     return SceneCheck(
         name=scene.name,
         title=scene.title,
@@ -168,41 +145,11 @@ def _row(scene: Scene, runs: dict[int, RecheckRun]) -> SceneCheck:
         answer=scene.answer,
         fate=fate,
         violated=told.violated,
-        sentence=told.sentence or told.error,
+        sentence=violation_sentence(first) if first is not None else _why_not(told),
         jittered_failures=len(failures),
         jittered=len(copies),
     )
 
 
-# --- in a worker ---------------------------------------------------------------------------
-
-
-def open_scenes(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Open the zoo; the result runs one job after the other.
-
-    Args:
-        settings: with the stack and its limits.
-
-    Returns:
-        A function from ``{"number": n, "scene": name, "copy": k}`` to an encoded
-        :class:`~mrta_falsify.verbs.corpus.RecheckRun`.
-    """
-    return answering(lambda job: run_scene(settings, load_scene(job["scene"]), job["copy"]))
-
-
-def run_scene(settings: TrialSettings, scene: Scene, copy: int) -> RecheckRun:
-    """Run a scene, or a jittered copy of it.
-
-    Args:
-        settings: with the stack and its limits.
-        scene: of the zoo.
-        copy: seed of the copy; ``STORED`` for the scene itself.
-    """
-    world = scene.world
-    if copy != STORED:
-        try:
-            world = perturb_world(world, copy)
-        except WorldError:
-            return RecheckRun(fate="no place")
-    job = trial_job(settings, world, settings.stack)
-    return judged_run(judge(job, keep_trace=False).verdicts)
+def _why_not(result: RunResult) -> str:
+    return result.detail if result.status == "impossible" else ""

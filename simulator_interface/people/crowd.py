@@ -143,6 +143,12 @@ class Crowd:
         self._walkers[person] = dataclasses.replace(self._walkers[person], speed=spec.speed)
         self.assign(person, Script(spec.directives))
 
+    def remove(self, person: int) -> None:
+        """Let a person leave the building for good; what it pushes stays where it is."""
+        if person in self._at_work:
+            self.assign(person, None)
+        self.player.leave(person)
+
     def stage(self) -> Stage | None:
         """Make the stage for the engine's next tick, None: nothing has changed."""
         inside, pose = self.player.inside, self.player.furnishings.pose

@@ -198,6 +198,10 @@ class ScriptPlayer:
             now.around.present[person] = False
         return None
 
+    def leave(self, person: int) -> None:
+        """Let a person be outside from now on."""
+        self._set_inside(person, False)
+
     def _set_inside(self, person: int, value: bool) -> None:
         self.inside = self.inside.copy()
         self.inside[person] = value

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import point_digest
-from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.settings import STORED_TARGETS, CampaignSettings, TrialSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.config import Choice
@@ -26,6 +26,7 @@ from mrta_falsify.core.verdict import Verdict
 
 RANDOM = Choice("random")
 TARGET = "tests.campaigns.standin:open_trials"
+STORED_TARGETS[TARGET] = TARGET  # so that such a campaign can be read
 FAULTS = ("crash", "raise", "unfit", "hang")
 
 

@@ -104,7 +104,7 @@ def test_an_interruption_says_what_the_journal_holds(tmp_path):
     path = tmp_path / "answers.jsonl"
     journal = RunJournal(_Answer, path)
     journal.keep("a", _Answer(True, 2.5))
-    with pytest.raises(Interrupted) as told, resumable("minimize 0003", journal):
+    with pytest.raises(Interrupted) as told, resumable("minimize 0003", [journal]):
         raise KeyboardInterrupt
     assert told.value.kept == "1 finished run"
     assert told.value.missing.startswith("minimize 0003 has no result")

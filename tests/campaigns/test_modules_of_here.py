@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import subprocess
 import sys
@@ -13,6 +14,8 @@ import pytest
 
 from mrta_falsify.campaigns.executors import ProcessExecutor
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.store import StoreError, read_campaign_settings
+from mrta_falsify.core import codec
 from mrta_falsify.core.modules import SAFE_PATH, look_here_for, place_of
 from mrta_falsify.process.pool import Pool
 
@@ -97,3 +100,18 @@ def test_the_command_takes_no_library_from_here(module: str, here: Path) -> None
     words = [sys.executable, "-m", module, "--version"]
     assert subprocess.run(words, capture_output=True, check=False).returncode == 0
     assert not (here / "RAN").exists()
+
+
+@pytest.mark.parametrize("named", ["mrta_falsify.worker:open_trials", "trials"])
+def test_a_campaign_of_an_older_version_runs_trials(tmp_path: Path, named: str) -> None:
+    settings = codec.encode(CampaignSettings(trials=TrialSettings(scenario="none")))
+    (tmp_path / "campaign.json").write_text(json.dumps({**settings, "target": named}))
+    assert read_campaign_settings(tmp_path).target == "trials"
+
+
+@pytest.mark.parametrize("named", ["mine_of_here:open_here", "experiments", 3])
+def test_a_campaign_names_no_function_of_its_own(tmp_path: Path, named: object) -> None:
+    settings = codec.encode(CampaignSettings(trials=TrialSettings(scenario="none")))
+    (tmp_path / "campaign.json").write_text(json.dumps({**settings, "target": named}))
+    with pytest.raises(StoreError, match=r"campaign\.json: target is .*; it must be trials"):
+        read_campaign_settings(tmp_path)

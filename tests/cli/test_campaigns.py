@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from mrta_falsify.verbs import replay as replaying
-from mrta_falsify.worker import rerun
+from mrta_falsify.lab import running
+from mrta_falsify.trial import judge
 from tests.quick_program import PROGRAM
 
 #: deadlines too tight to keep are sampled now and then, so that there is something to find
@@ -75,15 +75,15 @@ def test_a_replay_that_differs_names_the_first_tick(campaign, monkeypatch):
     directory, call, *_ = campaign
     name = _first_failure(call, directory)
 
-    def rerun_elsewhere(*args):  # as on a machine with another floating point
-        judged = rerun(*args)
+    def judge_elsewhere(*args, **options):  # as on a machine with another floating point
+        judged = judge(*args, **options)
         pose = judged.outcome.trace.columns["pose"].copy()
         pose[30:, 1, 0] += 1e-9
         columns = {**judged.outcome.trace.columns, "pose": pose}
         trace = dataclasses.replace(judged.outcome.trace, columns=columns, digest="0" * 64)
         return dataclasses.replace(judged, outcome=dataclasses.replace(judged.outcome, trace=trace))
 
-    monkeypatch.setattr(replaying, "rerun", rerun_elsewhere)
+    monkeypatch.setattr(running, "judge", judge_elsewhere)
     result = call("replay", directory, name)
     page = call("report", directory)
     (directory / "trials" / name / "verify.json").unlink()

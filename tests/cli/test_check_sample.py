@@ -342,7 +342,8 @@ def test_a_campaign_refuses_a_misspelt_parameter(cli, program):
 
 def test_a_later_scene_with_a_forbidden_value_is_a_rejected_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import TrialRunner, open_program
+    from mrta_falsify.lab import open_program
+    from mrta_falsify.worker import TrialRunner
 
     path = tmp_path / "sometimes.scenic"
     path.write_text(

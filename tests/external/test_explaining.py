@@ -5,27 +5,27 @@ from __future__ import annotations
 import dataclasses
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mrta_falsify.campaigns.finding_files import read_finding, write_finding
-from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.findings import ChangedRun, Explanation, VoteCount
 from mrta_falsify.core.verdict import Verdict, unjudged
-from mrta_falsify.core.world import Furniture, Task
+from mrta_falsify.core.world import Furniture, Task, World
+from mrta_falsify.lab import Experiment, Lab, RunResult
 from mrta_falsify.trial import Job
-from mrta_falsify.verbs.explain import absences, needs_sentences
+from mrta_falsify.verbs.explain import needs_sentences
 from mrta_falsify.verbs.explain.absences import absences_of
 from mrta_falsify.verbs.explain.explaining import explain_job
-from mrta_falsify.verbs.explain.run_count import RunCount
 from mrta_falsify.verbs.explain.schedules import with_ties_reversed
-from mrta_falsify.verbs.explain.whole_runs import RunFate, fate_in, looking_for
-from tests.external.test_repeats import judged, violated
+from mrta_falsify.verbs.explain.whole_runs import fate_in, looking_for
+from tests.external.test_repeats import result, violated
 
 ROOT = Path(__file__).resolve().parents[2]
 BOXES = 200
@@ -64,89 +64,81 @@ def job_of(world, specification="stack_runs", **bad) -> Job:
     return Job(world=world, config=config, specifications=(specification,), early_stop=True)
 
 
-@pytest.fixture
-def asked(monkeypatch):
-    """Answer changed runs by a rule on their worlds, and keep what was asked."""
+class ScriptedLab(Lab):
+    """Answers changed runs by a rule on their worlds, and keeps what was asked."""
 
-    def answer_by(rule):
-        runs = []
+    def __init__(self, rule: Callable[[World], str]) -> None:
+        super().__init__()
+        self.rule = rule
+        self.asked: list[World] = []
 
-        def run_changed(job, verdict):
-            runs.append(job.world)
-            return RunFate(rule(job.world), "")
-
-        monkeypatch.setattr(absences, "run_changed", run_changed)
-        return runs
-
-    return answer_by
+    def run(self, experiment: Experiment) -> RunResult:
+        self.asked.append(experiment.world)
+        fails = self.rule(experiment.world) == "stays"
+        verdict = Verdict(spec="stack_runs", robustness=1.0, violated=False)
+        return result(violated("stack_runs") if fails else verdict)
 
 
-def searched(world, most: int, had=None):
-    count = RunCount(1000, 0, lambda done, total: None)
-    job = Job(world=world, config=StackConfig())
-    journal = RunJournal(ChangedRun, None)
-    return list(absences_of(job, violated("stack_runs"), had or {}, most, count, journal)), count
+def searched(lab: ScriptedLab, world: World, most: int, had=None) -> list[ChangedRun]:
+    own = Experiment(world=world, stack=StackConfig(), specs=("stack_runs",))
+    return list(absences_of(own, violated("stack_runs"), had or {}, most, lab))
 
 
-def test_the_one_of_200_things_that_a_failure_needs_is_found_by_halves(crowded, asked):
+def test_the_one_of_200_things_that_a_failure_needs_is_found_by_halves(crowded):
     def rule(world):
         return "stays" if any(thing.name == "box77" for thing in world.furniture) else "gone"
 
-    runs = asked(rule)
-    found, count = searched(crowded, 1000)
+    lab = ScriptedLab(rule)
+    found = searched(lab, crowded, 1000)
     single = [one for one in found if one.fate == "gone" and len(one.things) == 1]
     assert [one.things for one in single] == [("box77",)]
-    assert len(runs) == count.done == sum(one.detail == "" for one in found)
+    assert len(lab.asked) == sum(one.fate in ("stays", "gone") for one in found)
     halves = 2 * int(np.ceil(np.log2(BOXES)))
     assert sum(one.group == "furniture" for one in found) <= 1 + halves
     left_out = [thing for one in found if one.fate == "stays" for thing in one.things]
     assert Counter(left_out)["box76"] == 1
 
 
-def test_things_that_do_not_matter_cost_one_run(crowded, asked):
-    asked(lambda world: "stays")
-    found, _ = searched(crowded, 1000)
+def test_things_that_do_not_matter_cost_one_run(crowded):
+    found = searched(ScriptedLab(lambda world: "stays"), crowded, 1000)
     groups = Counter(one.group for one in found)
     assert groups["furniture"] == 1
     assert groups["robots"] == len(crowded.robots)
     assert groups["tasks"] == 2
 
 
-def test_what_there_are_no_runs_for_is_called_untried(crowded, asked):
-    runs = asked(lambda world: "gone")
-    found, count = searched(crowded, 3)
-    assert len(runs) == count.done == 3
+def test_what_there_are_no_runs_for_is_called_untried(crowded):
+    lab = ScriptedLab(lambda world: "gone")
+    found = searched(lab, crowded, 3)
+    assert len(lab.asked) == 3
     assert {one.fate for one in found} == {"gone", "untried"}
     assert sum(one.fate == "gone" for one in found) == 3
 
 
-def test_a_robot_is_left_out_with_what_it_had_to_do_where_that_leaves_a_task(crowded, asked):
-    runs = asked(lambda world: "stays")
+def test_a_robot_is_left_out_with_what_it_had_to_do_where_that_leaves_a_task(crowded):
+    lab = ScriptedLab(lambda world: "stays")
     name = crowded.robots[0].name
-    found, _ = searched(crowded, 1, {name: (1,)})
+    found = searched(lab, crowded, 1, {name: (1,)})
     assert found[0].change == f"{name} and what it had to do"
-    assert [task.start for task in runs[0].tasks] == [crowded.tasks[0].start]
-    runs.clear()
-    found, _ = searched(crowded, 1, {name: (0, 1)})
+    assert [task.start for task in lab.asked[0].tasks] == [crowded.tasks[0].start]
+    found = searched(lab, crowded, 1, {name: (0, 1)})
     assert found[0].change == name
-    assert len(runs[0].tasks) == 2
+    assert len(lab.asked[1].tasks) == 2
 
 
 def test_only_the_specification_that_failed_ends_a_changed_run(hall):
-    job = Job(
+    own = Experiment(
         world=hall,
-        config=StackConfig(),
-        specifications=("no_robot_static_contact", "progress{limit: 30}", "stl:always (time < 5)"),
+        stack=StackConfig(),
+        specs=("no_robot_static_contact", "progress{limit: 30}", "stl:always (time < 5)"),
     )
     at = dataclasses.replace(violated("progress"), violated_at=2.0)
-    reduced = looking_for(job, at)
-    assert reduced.specifications == ("progress{limit: 30}",)
+    reduced = looking_for(own, at)
+    assert reduced.specs == ("progress{limit: 30}",)
     assert reduced.world == hall
-    assert looking_for(job, violated("stl:always (time < 5)")).specifications == (
-        "stl:always (time < 5)",
-    )
-    unknown = looking_for(job, violated("my name"))
-    assert unknown.specifications == job.specifications
+    assert looking_for(own, violated("stl:always (time < 5)")).specs == ("stl:always (time < 5)",)
+    unknown = looking_for(own, violated("my name"))
+    assert unknown.specs == own.specs
     assert not unknown.early_stop
 
 
@@ -164,14 +156,14 @@ def test_only_the_specification_that_failed_ends_a_changed_run(hall):
         ((violated("deadlines"),), "unknown"),
     ],
 )
-def test_a_run_that_was_not_judged_is_no_answer(hall_trace, verdicts, fate):
-    assert fate_in(judged(hall_trace, *verdicts), violated("progress")).fate == fate
+def test_a_run_that_was_not_judged_is_no_answer(verdicts, fate):
+    assert fate_in(result(*verdicts), violated("progress")).fate == fate
 
 
-def test_the_same_specification_violated_in_another_way_is_told_apart(hall_trace):
+def test_the_same_specification_violated_in_another_way_is_told_apart():
     one = dataclasses.replace(violated("stack_runs"), evidence={"kind": "crash"})
     other = dataclasses.replace(one, evidence={"kind": "hang"})
-    found = fate_in(judged(hall_trace, other), one)
+    found = fate_in(result(other), one)
     assert found.fate == "otherwise"
     assert "stack_runs/hang" in found.detail
 

@@ -16,41 +16,31 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
-from mrta_falsify.trial import Judged, campaign_specifications
+from mrta_falsify.lab import RunResult
+from mrta_falsify.trial import campaign_specifications
 from mrta_falsify.verbs.stacks import load_stack
 from mrta_falsify.worker import counted_repeats
-from simulator_interface.simulate import Outcome, TaskCount
 from tests.quick_program import PROGRAM
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def judged(trace, *verdicts: Verdict) -> Judged:
-    outcome = Outcome(
-        trace=trace,
-        verdicts=verdicts,
-        contacts={},
-        tasks=TaskCount(total=0, completed=0, late=0),
-        robots_finished=0,
-        ended="horizon",
-        sim_time=1.0,
-        wall_s=1.0,
-    )
-    return Judged(outcome=outcome, verdicts=verdicts, margins={}, descriptors={})
+def result(*verdicts: Verdict, trace: str = "d") -> RunResult:
+    return RunResult(status="judged", verdicts=verdicts, trace=trace)
 
 
 def violated(spec: str) -> Verdict:
     return Verdict(spec=spec, robustness=-1.0, violated=True, violated_at=1.0)
 
 
-def test_runs_are_counted_by_what_became_of_the_failure(hall_trace):
-    first = judged(hall_trace, violated("progress"))
+def test_runs_are_counted_by_what_became_of_the_failure():
+    first = result(violated("progress"))
     runs = [
-        judged(hall_trace, violated("progress")),
-        judged(hall_trace, violated("deadlines")),
-        judged(hall_trace, unjudged("progress", "no goals")),
-        judged(hall_trace, Verdict(spec="progress", robustness=1.0, violated=False)),
-        None,
+        result(violated("progress")),
+        result(violated("deadlines")),
+        result(unjudged("progress", "no goals")),
+        result(Verdict(spec="progress", robustness=1.0, violated=False)),
+        RunResult(status="impossible", detail="the stack did not start"),
     ]
     found = counted_repeats(first, runs)
     assert (found.same.failures, found.same.trials, found.same.undecided) == (1, 3, 2)

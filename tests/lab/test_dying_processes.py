@@ -2,62 +2,57 @@
 
 from __future__ import annotations
 
-import fcntl
-import functools
-import os
-import signal
-import sys
+import dataclasses
 
 import pytest
 
+from mrta_falsify.campaigns.executors import Finished
+from mrta_falsify.core import codec
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.run_result import RunResult
-from mrta_falsify.lab import Lab
-from mrta_falsify.process.pool import Pool
-
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills workers of Linux")
-
-GROUPS = [{name: name} for name in "abc"]
-
-
-def opened(ends):
-    return functools.partial(run_one, ends)
-
-
-def run_one(ends, group):
-    """End as the first letter of a file says, which is then gone."""
-    with open(ends, "r+") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        how, rest = (text := file.read())[:1], text[1:]
-        file.seek(0)
-        file.truncate()
-        file.write(rest)
-    if how == "x":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return [RunResult(status="judged", detail=name) for name in group]
+from mrta_falsify.lab import Experiment, Lab, laboratory
 
 
 @pytest.fixture
-def ran(monkeypatch, tmp_path):
-    """Run three groups in a pool, each of whose processes ends ``.`` well or ``x`` killed."""
+def ran(monkeypatch, hall):
+    """Run three experiments in processes, each of whose runs ends ``.`` well or ``x`` killed."""
 
     def run(ends):
-        (tmp_path / "ends").write_text(ends)
-        begin = functools.partial(opened, tmp_path / "ends")
-        monkeypatch.setattr(
-            "mrta_falsify.lab.laboratory.Pool", lambda usual, workers: Pool(begin, workers=workers)
-        )
+        left, jobs = iter(ends), []
+
+        class Executor:
+            def open(self, settings):
+                assert settings.target == "experiments"
+
+            def submit(self, job):
+                jobs.append(job)
+
+            def collect(self, timeout):
+                job = jobs.pop(0)
+                if next(left) == "x":
+                    return (Finished(number=job["number"], fate="crashed", error="signal 9"),)
+                result = RunResult(status="judged", detail=str(job["group"][0]["repeat"]))
+                record = {"results": [codec.encode(result)]}
+                return (Finished(number=job["number"], fate="ok", record=record),)
+
+            def close(self):
+                jobs.clear()
+
+        monkeypatch.setattr(laboratory.registry, "build", lambda *args, **more: Executor())
+        own = Experiment(world=hall, stack=StackConfig())
         with Lab(workers=2) as lab:
-            return [(key, result.detail) for key, result in lab._ran(GROUPS)]
+            found = lab.map(dataclasses.replace(own, repeat=number) for number in range(3))
+            return [result.detail for result in found]
 
     return run
 
 
-@pytest.mark.parametrize("ends", ["...", "x...", ".x..", "xxxx..."])
+@pytest.mark.parametrize("ends", ["...", "x...", ".x..", "xxxxxx...", "x.x.x."])
 def test_what_a_killed_process_ran_is_run_again(ran, ends):
-    assert ran(ends) == [("a", "a"), ("b", "b"), ("c", "c")]
+    assert ran(ends) == ["0", "1", "2"]
 
 
-def test_processes_that_die_three_times_in_a_row_end_it(ran):
-    with pytest.raises(HarnessError, match="3 times in a row"):
+def test_a_run_whose_process_dies_three_times_ends_it(ran):
+    with pytest.raises(HarnessError, match="crashed: signal 9"):
         ran("x" * 9)

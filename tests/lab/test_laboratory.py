@@ -6,7 +6,9 @@ import dataclasses
 
 import pytest
 
+from mrta_falsify.campaigns.code_digest import known_code_digest
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Vote, laboratory
 
 
@@ -21,10 +23,10 @@ def experiment(hall):
 def scripted(monkeypatch):
     """Runs fail where their perturbation is among some; says what was run together."""
 
-    def lab(*failing, journal=None, on_run=lambda: None):
+    def lab(*failing, journal=None, on_run=lambda done, expected: None):
         groups = []
 
-        def run_group(group):
+        def run_group(group, draw=None):
             groups.append([one.perturbation for one in group])
             return [
                 RunResult(
@@ -52,7 +54,7 @@ def test_a_finished_run_is_not_run_again_and_counts(scripted, experiment, tmp_pa
     path = tmp_path / "journal.jsonl"
     lab, groups = scripted(1, journal=path)
     (first,) = lab.map([dataclasses.replace(experiment, perturbation=1)])
-    again, more = scripted(journal=path, on_run=lambda: told.append(1))
+    again, more = scripted(journal=path, on_run=lambda done, expected: told.append(done))
     found = list(
         again.map(dataclasses.replace(experiment, perturbation=number) for number in (2, 1))
     )
@@ -110,3 +112,41 @@ def test_the_run_itself_can_be_looked_at(experiment, tmp_path):
     forked = dataclasses.replace(experiment, edits=(Edit(at=1.0),))
     result = Lab().watch(forked, write)
     assert (tmp_path / "seen").read_text() == result.trace
+
+
+def outside(folder, *command: str, **more) -> StackConfig:
+    stack = ExternalStack(command=command, folder=str(folder), **more)
+    return StackConfig(engine=Choice("kinematic"), stack=stack)
+
+
+def test_a_stack_outside_is_the_same_only_as_long_as_its_files_are(tmp_path):
+    (tmp_path / "stack.py").write_text("one")
+    (tmp_path / "built.so").write_text("one")
+    stack = outside(tmp_path, "python", "stack.py")
+    first = known_code_digest([stack])
+    assert first == known_code_digest([stack])
+    (tmp_path / "built.so").write_text("other")  # it may load whatever lies beside it
+    assert known_code_digest([stack]) not in (first, None)
+    assert known_code_digest([outside(tmp_path, "my-stack", "--fast")]) is None
+    assert known_code_digest([outside(tmp_path, connect="127.0.0.1:9000")]) is None
+
+
+def test_runs_of_a_stack_whose_files_are_not_known_are_not_kept_for_another_call(
+    scripted, experiment, tmp_path
+):
+    path = tmp_path / "journal.jsonl"
+    unknown = dataclasses.replace(experiment, stack=outside(tmp_path, connect="127.0.0.1:9000"))
+    lab, groups = scripted(journal=path)
+    for _ in range(2):
+        lab.run(unknown)
+    assert groups == [[0]]
+    again, more = scripted(journal=path)
+    again.run(unknown)
+    assert more == [[0]]
+
+
+def test_a_repetition_is_run_again(scripted, experiment):
+    lab, groups = scripted()
+    results = lab.map(dataclasses.replace(experiment, repeat=number) for number in (0, 1, 1))
+    assert len(list(results)) == 3
+    assert len(groups) == 2

@@ -490,7 +490,8 @@ def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
 @pytest.mark.slow
 def test_a_trial_of_a_scripted_program_runs_again_from_its_candidate(tmp_path):
     from mrta_falsify.campaigns.settings import TrialSettings
-    from mrta_falsify.worker import TrialRunner, open_program, rerun
+    from mrta_falsify.lab import Lab, experiment_of_record, open_program
+    from mrta_falsify.worker import TrialRunner
 
     path = tmp_path / "own.scenic"
     path.write_text(HEAD.replace("{horizon}", "3.0") + OWN + "param tasks = [(0, 1, 2, 99)]\n")
@@ -499,5 +500,5 @@ def test_a_trial_of_a_scripted_program_runs_again_from_its_candidate(tmp_path):
     record = TrialRunner(settings, program).run(0, np.full(len(program.space), 0.5))
     assert record.status == "ok"
     world = program.realise(record.candidate, mode=settings.mode).world
-    again = rerun(settings, record, world)
+    again = Lab().judge(experiment_of_record(settings, record, world))
     assert again.outcome.trace.digest == record.trace_digest

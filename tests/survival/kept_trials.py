@@ -8,13 +8,14 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
+from mrta_falsify.campaigns.settings import STORED_TARGETS, CampaignSettings, TrialSettings
 from mrta_falsify.core.world import World
 from mrta_falsify.worker import TrialFiles
 from tests.campaigns import standin
 from tests.conftest import hall_world, scripted_trace
 
 TARGET = "tests.survival.kept_trials:open_trials"
+STORED_TARGETS[TARGET] = TARGET  # so that such a campaign can be read
 
 
 @functools.cache

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from mrta_falsify.campaigns.foreign import OPEN_TRIALS
 from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.store import Store, trial_folder
@@ -110,7 +109,6 @@ def make_folder(tmp_path: Path, world: World, trace: Trace) -> Folder:
             sources_digest="0" * 64,
             directory=str(directory),
         ),
-        target=OPEN_TRIALS,
         sampler=Choice("random"),
         cube=Cube(dimensions=1),
         rules=RULES,
@@ -276,14 +274,6 @@ def link_to_what_is_written(folder: Folder) -> None:
     folder.lead_out("corpus.journal.jsonl")
 
 
-def function_of_workers(folder: Folder) -> None:
-    folder.set("target", value=folder.write_module())
-
-
-def function_of_ours(folder: Folder) -> None:
-    folder.set("target", value="mrta_falsify.verbs.zoo:open_scenes")
-
-
 def engine_that_confirms(folder: Folder) -> None:
     folder.set("trials", "confirm", value=[folder.write_module()])
 
@@ -339,8 +329,6 @@ OF_RUNS: dict[str, Callable[[Folder], None]] = {
 #: what would run only where the campaign goes on
 OF_RESUMING: dict[str, Callable[[Folder], None]] = {
     "sampler": _component("sampler"),
-    "function_of_workers": function_of_workers,
-    "function_of_ours": function_of_ours,
     "engine_that_confirms": engine_that_confirms,
     "other_stack": other_stack,
 }

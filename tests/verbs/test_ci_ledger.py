@@ -9,17 +9,18 @@ from xml.etree import ElementTree
 import pytest
 
 from mrta_falsify.campaigns.rules import JUDGED_SINCE
+from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Recheck
+from mrta_falsify.specs.causes import kind_of
 from mrta_falsify.verbs.ci import cell_run, ledger, running
 from mrta_falsify.verbs.ci.cells import Cell, _stored_findings
 from mrta_falsify.verbs.ci.ledger import CellState, Example, Finding, changes_of, merged
 from mrta_falsify.verbs.ci.project import read_project
 from mrta_falsify.verbs.ci.reporting import contents_of, junit_of
 from mrta_falsify.verbs.ci.running import CellOutcome, CiResult
-from mrta_falsify.verbs.corpus import judged_run
 from reports.markdown import render_markdown
 
 RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
@@ -161,11 +162,12 @@ def test_a_stored_corpus_of_earlier_rules_goes_on_mode_by_mode(name, tmp_path):
     for record in campaign.records:
         if not record.failed:
             continue
-        run = judged_run([_as_judged_today(verdict) for verdict in record.verdicts])
+        today = [_as_judged_today(verdict) for verdict in record.verdicts]
+        violated = tuple(verdict.spec for verdict in today if verdict.violated)
         row = Recheck(
-            id=record.id, fate="still failing", signature="", violated=run.violated,
-            signature_now="", jittered_failures=0, jittered=0, kind_now=run.kind,
-            forms_now=(run.signature, run.signature_before),
+            id=record.id, fate="still failing", signature="", violated=violated,
+            signature_now="", jittered_failures=0, jittered=0, kind_now=kind_of(today),
+            forms_now=(signature(today), signature_before(today)),
         )  # fmt: skip
         (of,) = [one for one in known if record.id in {e.id for e in one.examples}]
         seen.append(cell_run._finding_of(of, HERE, row, 2))

@@ -8,6 +8,7 @@ import pytest
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
+from mrta_falsify.lab import laboratory
 from mrta_falsify.trial import Job, judge, on_kinematic_engine
 from mrta_falsify.verbs import corpus
 from tests.failing_stacks import Sleeps
@@ -17,7 +18,7 @@ from tests.reports.planted import BROKEN, stored
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of in workers."""
-    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 @pytest.mark.usefixtures("in_process")
@@ -69,7 +70,7 @@ def test_a_run_that_exceeds_its_time_limit_is_killed_and_reported(campaign):
 
 
 def test_a_campaign_without_failures_starts_no_worker(campaign, monkeypatch):
-    monkeypatch.setattr(corpus, "open_executor", None)
+    monkeypatch.setattr(laboratory, "local_workers", None)
     assert corpus.recheck(dataclasses.replace(campaign, records=())) == ()
 
 

@@ -7,6 +7,7 @@ import pytest
 from mrta_falsify.core.config import Choice, StackConfig, read_config
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Removal
+from mrta_falsify.lab import Lab
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.testing import planted as worlds
@@ -97,7 +98,7 @@ def stuck():
 
 def _removals(job):
     judged = judge(job)
-    return tuple(removals_of(job, leading(judged.verdicts), judged.outcome.trace, 3))
+    return tuple(removals_of(job, leading(judged.verdicts), judged.outcome.trace, 3, Lab()))
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.interruption import Interrupted
+from mrta_falsify.lab import laboratory
 from mrta_falsify.trial import on_kinematic_engine
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import corpus
@@ -62,7 +63,7 @@ def interrupts(monkeypatch):
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of in workers."""
-    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 def test_an_interrupted_episode_has_no_outcome(stalled, interrupts):

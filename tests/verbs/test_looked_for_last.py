@@ -10,11 +10,11 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import PerturbedRuns
-from mrta_falsify.perturbed_runs import is_decided
+from mrta_falsify.lab import Vote, open_program
 from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import campaign_specifications, primary_and_secondary
-from mrta_falsify.worker import TrialRunner, open_program
+from mrta_falsify.worker import TrialRunner
 
 KINEMATIC = StackConfig(engine=Choice("kinematic"))
 LATE = """
@@ -101,10 +101,10 @@ def test_copies_end_once_the_rest_cannot_change_what_most_do(most):
     for number in range(2**most):
         fails = [bool(number >> i & 1) for i in range(most)]
         whole = PerturbedRuns(runs=most, failed=sum(fails))
-        runs = next(n for n in range(most + 1) if is_decided(sum(fails[:n]), n, most))
+        runs = next(n for n in range(most + 1) if Vote.of(fails[:n]).is_settled(most))
         some = PerturbedRuns(runs=runs, failed=sum(fails[:runs]))
         assert some.robust == whole.robust
-        assert not any(is_decided(sum(fails[:n]), n, most) for n in range(runs))
+        assert not any(Vote.of(fails[:n]).is_settled(most) for n in range(runs))
 
 
 def test_what_comes_last_is_listed_last_however_often_it_failed(stalled, campaign):

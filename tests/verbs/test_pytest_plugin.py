@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from mrta_falsify.core.config import Choice
-from mrta_falsify.verbs import corpus
+from mrta_falsify.lab import laboratory
 from tests.quick_program import PROGRAM
 
 pytest_plugins = ["pytester"]
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parent.parent.parent
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of in workers."""
-    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 def test_the_plug_in_is_registered_under_the_name_of_its_module():

@@ -10,9 +10,11 @@ from click.testing import CliRunner
 from mrta_falsify.cli import main
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError, UnknownNameError
+from mrta_falsify.core.verdict import unjudged
+from mrta_falsify.lab import RunResult, laboratory
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import campaign_specifications
-from mrta_falsify.verbs import corpus, zoo
+from mrta_falsify.verbs import zoo
 from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.zoo import load_scene, read_scene, scene_names
 from simulator_interface.starts import check_starts
@@ -27,7 +29,7 @@ SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_onc
 @pytest.fixture
 def in_process(monkeypatch):
     """Runs in this process instead of in workers."""
-    monkeypatch.setattr(corpus, "local_workers", lambda wanted: Choice("serial"))
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 @pytest.mark.parametrize("name", scene_names())
@@ -74,12 +76,12 @@ def test_the_command_prints_one_row_for_a_scene():
 
 @pytest.mark.usefixtures("in_process")
 def test_a_stack_may_refuse_one_scene_but_not_all(monkeypatch):
-    def run(settings, scene, copy):
-        if scene.name in refused:
-            raise InputError("no lattice")
-        return corpus.RecheckRun(fate="ran")
+    def run(group):
+        if any(load_scene(name).world.digest() == group[0].world.digest() for name in refused):
+            return [RunResult(status="impossible", detail="no lattice")]
+        return [RunResult(status="judged")]
 
-    monkeypatch.setattr(zoo, "run_scene", run)
+    monkeypatch.setattr(laboratory, "run_group", run)
     monkeypatch.setattr(zoo, "scene_names", lambda: ("doorway", "roundabout"))
     refused = {"doorway"}
     first, second = zoo.run_zoo(jittered=0)
@@ -95,8 +97,8 @@ def test_a_stack_may_refuse_one_scene_but_not_all(monkeypatch):
     ("missing", "fate"), [("repeatable", "passes"), ("no_deadlock", "not judged")]
 )
 def test_a_scene_that_ends_before_the_stack_is_asked_again_passes(monkeypatch, missing, fate):
-    ran = corpus.RecheckRun(fate="ran", not_judged=(missing,))
-    monkeypatch.setattr(zoo, "run_scene", lambda settings, scene, copy: ran)
+    ran = RunResult(status="not_judged", verdicts=(unjudged(missing, "it ended before"),))
+    monkeypatch.setattr(laboratory, "run_group", lambda group: [ran])
     (row,) = zoo.run_zoo("zoo/doorway", jittered=0)
     assert row.fate == fate
 

@@ -19,6 +19,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Recheck
 from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.lab import Vote
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign import OnFeedback, open_store, run_store
 from mrta_falsify.verbs.ci.cells import Cell, example_of, search_folder
@@ -153,11 +154,7 @@ def _is_sure(record: TrialRecord) -> bool:
     again, copies = record.repeats, record.vote
     if again is not None and again.same.failures < again.same.trials:
         return False
-    return copies is None or _most(1 + copies.failed, 1 + copies.runs)
-
-
-def _most(failed: int, runs: int) -> bool:
-    return 2 * failed > runs
+    return copies is None or Vote(runs=1 + copies.runs, failed=1 + copies.failed).robust
 
 
 def _finding_of(known: Finding, example: Example, row: Recheck, number: int) -> Finding | None:
@@ -165,9 +162,9 @@ def _finding_of(known: Finding, example: Example, row: Recheck, number: int) -> 
     if row.fate in ("timeout", "not judged"):
         return None
     fails = row.fate == "still failing"
-    failed = int(fails) + row.jittered_failures
-    fate: Fate = "resolved" if not failed else "flaky"
-    if _most(failed, 1 + row.jittered):
+    vote = Vote(runs=1 + row.jittered, failed=int(fails) + row.jittered_failures)
+    fate: Fate = "resolved" if not vote.failed else "flaky"
+    if vote.robust:
         fate = "failing"
     reported = dataclasses.replace(
         known, fate=fate, examples=(example,), sentence=row.sentence or known.sentence, since=number

@@ -16,6 +16,7 @@ from mrta_falsify.campaigns.signature import signature_before
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.lab import specifications_of
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.ci.ledger import CellState, Example, Finding
@@ -23,7 +24,6 @@ from mrta_falsify.verbs.ci.project import Project, ScenarioEntry, with_portable_
 from mrta_falsify.verbs.corpus import on_recorded_engine
 from mrta_falsify.verbs.folders import located
 from mrta_falsify.verbs.stored_trials import open_campaign
-from mrta_falsify.worker import specifications_of
 from reports.sentences import violation_sentence
 
 CAMPAIGNS = "campaigns"  # folder of searches, in what is kept

@@ -11,13 +11,11 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from mrta_falsify.campaigns.journal import RunJournal
-from mrta_falsify.core import codec
-from mrta_falsify.core.findings import ChangedRun
+from mrta_falsify.core.findings import ChangedRun, Explanation
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.trial import Job
-from mrta_falsify.verbs.explain.run_count import RunCount
+from mrta_falsify.lab import Experiment, Lab, course_of
+from mrta_falsify.verbs.explain.case import Case
 from mrta_falsify.verbs.explain.whole_runs import looking_for, run_changed
 from mrta_falsify.verbs.minimize.edits import ways_to_remove, without
 from mrta_falsify.verbs.minimize.reruns import Smaller
@@ -35,41 +33,58 @@ class Chunk(NamedTuple):
     gone: range  #: indices in the group
 
 
+class Absences:
+    """The whole world without each robot, person, thing and task.
+
+    Only of a stack whose layers cannot be exchanged: of the shipped one, the rows say more.
+    """
+
+    least = 2
+
+    def applies(self, case: Case) -> bool:
+        """See :class:`.case.Question`."""
+        return case.job.config.stack is not None
+
+    def ask(self, case: Case, found: Explanation, runs: int) -> Explanation:
+        """See :class:`.case.Question`."""
+        had = course_of(case.verdict, case.trace, case.job.world).had
+        told = absences_of(case.own, case.verdict, had, runs, case.lab)
+        return dataclasses.replace(found, absences=(*found.absences, *told))
+
+
 def absences_of(
-    job: Job,
+    own: Experiment,
     verdict: Verdict,
     had: Mapping[str, Sequence[int]],
     most: int,
-    count: RunCount,
-    journal: RunJournal[ChangedRun],
+    lab: Lab,
 ) -> Iterator[ChangedRun]:
     """Run the world without its things, the coarse questions of all groups first.
 
     Args:
-        job: that fails.
+        own: that fails.
         verdict: the violated one that explains the failure.
         had: tasks by the robot that had them last; a robot is left out with its tasks.
         most: runs at most.
-        count: of all runs.
-        journal: of finished runs.
+        lab: that runs them.
 
     Yields:
         What each run gave, and what there were no runs for.
     """
-    looking = looking_for(job, verdict)
-    until = count.done + most
-    waiting = deque(_first_chunks(job.world))
+    looking, left = looking_for(own, verdict), most
+    waiting = deque(_first_chunks(own.world))
     while waiting:
         chunk = waiting.popleft()
         smaller = _smaller(looking.world, chunk, had)
         if smaller is None and len(chunk.gone) > 1:
             waiting.extend(_halves(chunk))
             continue
-        told = _asked(job.world, chunk, smaller)
-        if smaller is not None and count.done < until:
+        told = _asked(own.world, chunk, smaller)
+        if smaller is not None and left > 0:
+            left -= 1
             changed = dataclasses.replace(looking, world=smaller.world)
-            told = _run(changed, verdict, told, journal)
-            count.add()
+            fate, detail = run_changed(lab, changed, verdict)
+            told = dataclasses.replace(told, fate=fate, detail=detail)
         yield told
         if told.fate not in ("stays", "untried"):
             waiting.extend(_halves(chunk))
@@ -115,14 +130,3 @@ def _asked(world: World, chunk: Chunk, smaller: Smaller | None) -> ChangedRun:
 
 def _name(world: World, group: str, number: int) -> str:
     return f"task{number}" if group == "tasks" else str(getattr(world, group)[number].name)
-
-
-def _run(
-    job: Job, verdict: Verdict, asked: ChangedRun, journal: RunJournal[ChangedRun]
-) -> ChangedRun:
-    key = codec.digest([job.world, job.config, job.specifications, verdict])
-    known = journal.answers.get(key)
-    if known is not None:
-        return known
-    fate, detail = run_changed(job, verdict)
-    return journal.keep(key, dataclasses.replace(asked, fate=fate, detail=detail))

@@ -18,41 +18,40 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias
 
-from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import write_finding
-from mrta_falsify.campaigns.journal import RunJournal, resumable
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import ChangedRun, Explanation, LayerRow, Removal, VoteCount
+from mrta_falsify.core.findings import Explanation, LayerRow, VoteCount
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
-from mrta_falsify.lab import Lab, course_of
+from mrta_falsify.lab import Experiment, Lab, OnRun, experiment_of_job
 from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
-from mrta_falsify.trial import Job, Judged, judge, perturbed_job
-from mrta_falsify.verbs.explain.absences import absences_of
-from mrta_falsify.verbs.explain.changes import Change, changes_of
-from mrta_falsify.verbs.explain.removals import removals_of
-from mrta_falsify.verbs.explain.rewinding import branches_of, rewind
-from mrta_falsify.verbs.explain.rows import (
-    RUNS,
-    Failure,
-    curing,
-    failure_of,
-    is_knife_edge,
-    rows_of,
-    run_to_keep,
-    suspicion_from,
-)
-from mrta_falsify.verbs.explain.run_count import RunCount
-from mrta_falsify.verbs.explain.schedules import schedules_of
+from mrta_falsify.trial import Job, Judged
+from mrta_falsify.verbs.explain.absences import Absences
+from mrta_falsify.verbs.explain.case import Case, Question
+from mrta_falsify.verbs.explain.changes import changes_of
+from mrta_falsify.verbs.explain.layers import Layers, last_rows
+from mrta_falsify.verbs.explain.people import People
+from mrta_falsify.verbs.explain.removals import Removals
+from mrta_falsify.verbs.explain.rewinding import Rewinding
+from mrta_falsify.verbs.explain.rows import RUNS, curing, failure_of, run_to_keep
+from mrta_falsify.verbs.explain.schedules import Schedules
 from mrta_falsify.verbs.run import write_run
 from mrta_falsify.verbs.stored_trials import job_of
-from simulator_interface.guard import guarded
 from simulator_interface.simulate import Outcome
+
+#: what is asked about a failure; the answers of one stand in what the next one is given
+QUESTIONS: tuple[Question, ...] = (
+    Removals(),
+    Layers(),
+    Schedules(),
+    Absences(),
+    People(),
+    Rewinding(),
+)
 
 LEAD = 10.0  # s before the onset at which things are changed
 MAX_RUNS = 120  # of rows, unless the caller says otherwise
@@ -70,7 +69,7 @@ def explain(
     rewinds: int = 0,
     keep: bool = False,
     workers: int = 1,
-    on_done: Callable[[int, int], None] = lambda done, total: None,
+    on_done: OnRun = lambda done, total: None,
 ) -> Explanation:
     """Explain a stored failure and keep the explanation beside it as ``explain.json``.
 
@@ -93,18 +92,12 @@ def explain(
     if not record.failed:
         raise InputError(f"trial {record.id} violates nothing; there is nothing to explain")
     job, folder = job_of(campaign, record), campaign.make_folder(record)
-    code, path = code_digest(job.config, job.specifications), folder / JOURNAL_NAME
-    lab = Lab(path, code=code, workers=workers)
-    removals = RunJournal(Removal, path, code=code)
-    whole = RunJournal(ChangedRun, path, code=code)
-    with resumable(f"explain {record.id}", lab.journal, removals, whole):
+    with Lab(folder / JOURNAL_NAME, what=f"explain {record.id}", workers=workers) as lab:
         found = explain_job(
             job,
             max_runs=max_runs,
             rewinds=rewinds,
             lab=lab,
-            removals=removals,
-            whole=whole,
             on_done=on_done,
             on_found=partial(write_finding, folder),
             keep=_keeping(campaign, record) if keep else None,
@@ -125,16 +118,13 @@ def _keeping(campaign: Campaign, record: TrialRecord) -> Keep:
     return write
 
 
-@guarded()
 def explain_job(
     job: Job,
     *,
     max_runs: int = MAX_RUNS,
     rewinds: int = 0,
     lab: Lab | None = None,
-    removals: RunJournal[Removal] | None = None,
-    whole: RunJournal[ChangedRun] | None = None,
-    on_done: Callable[[int, int], None] = lambda done, total: None,
+    on_done: OnRun = lambda done, total: None,
     on_found: Callable[[Explanation], None] = lambda found: None,
     keep: Keep | None = None,
 ) -> Explanation:
@@ -145,156 +135,92 @@ def explain_job(
         max_runs: runs of rows, removals and changed worlds at most.
         rewinds: copies at most, beside these.
         lab: that runs them; its processes end here.
-        removals: of finished removals.
-        whole: of finished runs of changed worlds.
         on_done: called after each run.
         on_found: called with the explanation, before any run is kept.
         keep: writes a run of a row.
     """
     with lab or Lab() as opened:
-        found, keep_runs = _explained(job, max_runs, rewinds, opened, removals, whole, on_done)
+        opened.on_run = on_done
+        case = _case_of(job, max_runs, rewinds, opened)
+        opened.expected = 1 + RUNS * (1 + len(case.changes)) + rewinds
+        opened.count()  # the trial again
+        found = Explanation(
+            layer="",
+            guess=case.guess,
+            reason="",
+            changed_at=case.at,
+            counterfactuals=(),
+            jittered=VoteCount(runs=0, failed=0),
+            runs=0,
+        )
+        waiting = [question for question in QUESTIONS if question.applies(case)]
+        while waiting:
+            question = waiting.pop(0)
+            left = max_runs - opened.runs - sum(later.least for later in waiting)
+            found = question.ask(case, found, max(left, question.least))
+        found = dataclasses.replace(found, runs=opened.runs)
         on_found(found)
         if keep is not None:
-            keep_runs(keep)
+            _keep_runs(case, last_rows(found.rows), keep)
     return found
 
 
-def _explained(
-    job: Job,
-    max_runs: int,
-    rewinds: int,
-    lab: Lab,
-    removals: RunJournal[Removal] | None,
-    whole: RunJournal[ChangedRun] | None,
-    on_done: Callable[[int, int], None],
-) -> tuple[Explanation, Callable[[Keep], None]]:
-    """Explain the failure of a job; the second result runs again what shows it best."""
-    judged = judge(job)
+def _case_of(job: Job, max_runs: int, rewinds: int, lab: Lab) -> Case:
+    """Run a job, and look at what fails in it.
+
+    Raises:
+        InputError: nothing does.
+    """
+    own = experiment_of_job(job)
+    judged = lab.judge(own)
     verdict = leading(judged.verdicts)
     if verdict is None:
         again = " this time: the stack does not answer the same again" if job.config.stack else ""
         raise InputError(f"the run violates nothing{again}; there is nothing to explain")
     trace = judged.outcome.trace
     guess = suspect(job.config, judged.verdicts, trace)
-    failure = failure_of(job, *_alone(job, verdict, judged))
-    at = moment_of_change(failure.verdict) if job.config.stack is None else 0.0
-    changes = () if guess == WORLD else changes_of(job.config)[: max(1, max_runs // RUNS - 1)]
-    count = RunCount(max_runs, 1 + RUNS * (1 + len(changes)) + rewinds, on_done)
-    count.add()  # the trial again
-    lab.on_run = count.add
-    gone = tuple(count.each(removals_of(job, verdict, trace, count.left, removals)))
-    rows, untried = _rows(job, failure, at, changes, lab, count, guess)
-    reported = tuple(row for row in rows if row.at == rows[-1].at)
-    absences, schedules = _changed_runs(
-        job, verdict, trace, count, whole or RunJournal(ChangedRun, None)
-    )
-    layer, reason = suspicion_from(reported, verdict, guess, untried)
-    cured = {row.change for row in curing(reported)} if reported else set()
-    branches = branches_of(job, failure, changes, cured, reported[0].at if reported else 0.0)
-    inevitability = rewind(job, failure, branches, rewinds, lab)
-    found = Explanation(
-        layer=layer,
+    failure = failure_of(job, *_alone(own, verdict, judged, lab))
+    onset = moment_of_change(failure.verdict)
+    return Case(
+        job=job,
+        own=own,
+        verdict=verdict,
+        trace=trace,
+        failure=failure,
         guess=guess,
-        reason=reason,
-        changed_at=reported[0].at if reported else at,
-        counterfactuals=(),
-        rows=rows,
-        removals=gone,
-        absences=absences,
-        schedules=schedules,
-        jittered=_copies(reported),
-        runs=count.done,
-        inevitability=inevitability,
+        onset=onset,
+        at=onset if job.config.stack is None else 0.0,
+        changes=() if guess == WORLD else changes_of(job.config)[: max(1, max_runs // RUNS - 1)],
+        rewinds=rewinds,
+        lab=lab,
     )
-    return found, partial(_keep_runs, job, failure, reported, changes, lab)
 
 
-def _alone(job: Job, verdict: Verdict, judged: Judged) -> tuple[Verdict, Outcome]:
+def _alone(own: Experiment, verdict: Verdict, judged: Judged, lab: Lab) -> tuple[Verdict, Outcome]:
     """Judge the run by the rule of the rows: no copies vote on it, as rows vote themselves.
 
     Without votes, what stands may be seen to do so earlier.
     """
-    own = judge(perturbed_job(job))
-    found = (v for v in own.verdicts if v.violated and v.spec == verdict.spec)
+    alone = lab.judge(own.for_vote())
+    found = (v for v in alone.verdicts if v.violated and v.spec == verdict.spec)
     same = next(found, None)
     if same is None:
         return verdict, judged.outcome
-    return dataclasses.replace(same, who=verdict.who), own.outcome
+    return dataclasses.replace(same, who=verdict.who), alone.outcome
 
 
-def _rows(
-    job: Job,
-    failure: Failure,
-    at: float,
-    changes: Sequence[Change],
-    lab: Lab,
-    count: RunCount,
-    guess: str,
-) -> tuple[tuple[LayerRow, ...], tuple[str, ...]]:
-    """Exchange layers shortly before the onset, and from the start where that says nothing.
-
-    Returns:
-        The rows, and the layers that no run was left for from the start; the guessed layer has
-        its runs first.
-    """
-    if not changes:
-        return (), ()
-    whole = RUNS * (1 + len(changes)) if at > 0.0 else 0
-    rows = rows_of(job, failure, at, changes, count.left, lab, reserve=whole)
-    if not at or curing(rows) or is_knife_edge(rows[0]) or len(rows) == 1:
-        return rows, ()
-    # What was lost long before the onset is not mended by mending the layer that lost it.
-    ranked = sorted(changes, key=lambda change: change.layer != guess)
-    room = max(0, count.left // RUNS - 1)
-    if room:
-        rows += rows_of(job, failure, 0.0, ranked[:room], count.left, lab)
-    return rows, tuple(dict.fromkeys(change.layer for change in ranked[room:]))
-
-
-def _keep_runs(
-    job: Job,
-    failure: Failure,
-    rows: Sequence[LayerRow],
-    changes: Sequence[Change],
-    lab: Lab,
-    keep: Keep,
-) -> None:
+def _keep_runs(case: Case, rows: Sequence[LayerRow], keep: Keep) -> None:
     """Keep a failing run of the stack as it is, and one of each row that removes the failure."""
-    by_text = {change.text: change for change in changes}
+    job, lab = case.job, case.lab
+    by_text = {change.text: change for change in case.changes}
     for row in (*rows[:1], *curing(rows)):
         change = by_text.get(row.change)
-        experiment = run_to_keep(failure, row, change, job, lab)
+        experiment = run_to_keep(case.failure, row, change, job, lab)
         if experiment is None:
             continue
         config = job.config if change is None else change.config
         name = "as_it_is" if change is None else f"{row.layer}_{list(by_text).index(row.change)}"
         lab.watch(experiment, partial(keep, name, config))
-
-
-def _copies(rows: Sequence[LayerRow]) -> VoteCount:
-    """Count the copies of the stack as it is."""
-    if not rows or rows[0].copies < 2:
-        return VoteCount(runs=0, failed=0)
-    stack = rows[0]
-    return VoteCount(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)
-
-
-def _changed_runs(
-    job: Job,
-    verdict: Verdict,
-    trace: Trace,
-    count: RunCount,
-    journal: RunJournal[ChangedRun],
-) -> tuple[tuple[ChangedRun, ...], tuple[ChangedRun, ...]]:
-    """Run the whole world without its things, and under other schedules.
-
-    Only of a stack whose layers cannot be exchanged: of the shipped one, they say more.
-    """
-    if job.config.stack is None:
-        return (), ()
-    schedules = tuple(count.each(schedules_of(job, verdict, count.left, journal)))
-    had = course_of(verdict, trace, job.world).had
-    return tuple(absences_of(job, verdict, had, count.left, count, journal)), schedules
 
 
 def moment_of_change(verdict: Verdict) -> float:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterator
 from functools import partial
 
-from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.core import codec
-from mrta_falsify.core.findings import Removal
+from mrta_falsify.core.findings import Explanation, Removal
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.trace import Trace
@@ -16,21 +16,38 @@ from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import wait_account
 from mrta_falsify.core.words import listed
 from mrta_falsify.core.world import World
+from mrta_falsify.lab import Lab, experiment_of_job
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.specs.deadlock.blocked_by import look_stride
 from mrta_falsify.specs.deadlock.counterfactual import LOOK_AHEAD
 from mrta_falsify.specs.deadlock.progress_clock import ProgressClock
 from mrta_falsify.specs.deadlock.watches import CounterfactualWatch, Question
 from mrta_falsify.trial import Job
+from mrta_falsify.verbs.explain.case import Case
 from simulator_interface.continuation import Running, run_to
 
 
+class Removals:
+    """Each robot of a deadlock taken away when it is found: who goes on then?"""
+
+    least = 0  #: few runs, and what they cost is told by the number of robots
+
+    def applies(self, case: Case) -> bool:
+        """See :class:`.case.Question`."""
+        del case
+        return True
+
+    def ask(self, case: Case, found: Explanation, runs: int) -> Explanation:
+        """See :class:`.case.Question`."""
+        told = []
+        for removal in removals_of(case.job, case.verdict, case.trace, runs, case.lab):
+            case.lab.count()
+            told.append(removal)
+        return dataclasses.replace(found, removals=tuple(told))
+
+
 def removals_of(
-    job: Job,
-    verdict: Verdict,
-    trace: Trace,
-    max_runs: int,
-    journal: RunJournal[Removal] | None = None,
+    job: Job, verdict: Verdict, trace: Trace, max_runs: int, lab: Lab
 ) -> Iterator[Removal]:
     """Take away each robot of a deadlock when it is found: members, victims, whom they wait for.
 
@@ -41,9 +58,9 @@ def removals_of(
         verdict: the violated one that explains the failure.
         trace: of the run.
         max_runs: runs at most; the run up to that moment counts as one.
-        journal: of finished continuations; those in it are not run again.
+        lab: whose journal keeps finished continuations; those in it are not run again.
     """
-    journal = journal or RunJournal(Removal, None)
+    journal = lab.journal_of(Removal, experiment=experiment_of_job(job))
     numbers = {robot.name: i for i, robot in enumerate(job.world.robots)}
     account = wait_account(verdict, trace)
     names = [name for name in numbers if name in account.robots] if account.members else []

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from mrta_falsify.core.claims import leading_claim
 from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.inevitability import (
     EVEN,
     ChanceCurve,
@@ -34,8 +35,10 @@ from mrta_falsify.lab import Edit, Experiment, Lab, Vote
 from mrta_falsify.process.child import can_fork
 from mrta_falsify.specs.causes import cause_begins
 from mrta_falsify.trial import Job
+from mrta_falsify.verbs.explain.case import Case
 from mrta_falsify.verbs.explain.changes import SUSPECTS, Change
-from mrta_falsify.verbs.explain.rows import Failure, experiment_of, fate_of
+from mrta_falsify.verbs.explain.layers import last_rows
+from mrta_falsify.verbs.explain.rows import Failure, curing, experiment_of, fate_of
 from simulator_interface.episode import Episode
 
 REWINDS = 80  # copies, unless the caller says otherwise
@@ -45,6 +48,26 @@ FINEST = 0.5  # s, or a hundredth of the run if that is more: times are not halv
 COARSER = 4.0  # times that, beside a shipped layer in place of another: the others say less
 FOR_A_CHANGE = 24  # copies set aside for the curve of a change
 STACK = "the stack as it is"
+
+
+class Rewinding:
+    """The run repeated from earlier and earlier: when was the failure decided, and by what?"""
+
+    least = 0  #: its runs are counted apart
+
+    def applies(self, case: Case) -> bool:
+        """See :class:`.case.Question`."""
+        return case.rewinds >= FEW
+
+    def ask(self, case: Case, found: Explanation, runs: int) -> Explanation:
+        """See :class:`.case.Question`."""
+        del runs
+        rows = last_rows(found.rows)
+        cured = {row.change for row in curing(rows)} if rows else set()
+        since = rows[0].at if rows else 0.0
+        branches = branches_of(case.job, case.failure, case.changes, cured, since)
+        told = rewind(case.job, case.failure, branches, case.rewinds, case.lab)
+        return dataclasses.replace(found, inevitability=told)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

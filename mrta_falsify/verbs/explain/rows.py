@@ -33,7 +33,7 @@ from mrta_falsify.core.words import listed
 from mrta_falsify.lab import Edit, Experiment, Lab, RunResult, Situation, Vote, experiment_of_job
 from mrta_falsify.specs.attribution import WHOLE, WORLD
 from mrta_falsify.specs.causes import is_outcome, is_shut, primary
-from mrta_falsify.trial import Job, perturbed_job
+from mrta_falsify.trial import Job
 from mrta_falsify.verbs.explain.changes import Change
 from mrta_falsify.verbs.explain.whole_runs import STACK_RUNS
 from simulator_interface.simulate import Outcome
@@ -175,7 +175,7 @@ def experiment_of(
         perturbation: number of the copy.
     """
     return dataclasses.replace(
-        experiment_of_job(perturbed_job(job)),
+        experiment_of_job(job).for_vote(),
         early_stop=not is_outcome(failure.verdict),
         until_delivered=failure.tasks,
         ends_late=failure.verdict.spec == "deadlines",
@@ -203,7 +203,7 @@ def run_to_keep(
     fate = "fails" if change is None else "passes"
     for number in range(1, MOST + 1):
         experiment = experiment_of(job, failure, row.at, change, number)
-        known = lab.journal.answers.get(experiment.digest())
+        known = lab.result_of(experiment)
         if known is not None and fate_of(known, failure, since=row.at) == fate:
             return experiment
     return None

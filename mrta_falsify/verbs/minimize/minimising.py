@@ -18,9 +18,7 @@ from pathlib import Path
 
 import yaml
 
-from mrta_falsify.campaigns.code_digest import code_digest
 from mrta_falsify.campaigns.finding_files import FILE_NAMES, write_finding
-from mrta_falsify.campaigns.journal import resumable
 from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.settings import COMPARISON_RUNS
 from mrta_falsify.campaigns.signature import mechanism
@@ -33,17 +31,16 @@ from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
-from mrta_falsify.lab import Lab, course_of
-from mrta_falsify.perturbed_runs import Comparison, judged_by_vote
+from mrta_falsify.lab import Lab, course_of, experiment_of_job, result_of
+from mrta_falsify.perturbed_runs import Comparison, compared_by_vote
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.trial import Job, Judged, judge, perturbed_job
+from mrta_falsify.trial import Job, Judged
 from mrta_falsify.verbs.minimize.edits import GROUPS, things_of
 from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import PERTURBED, OutOfRunsError, Reruns
 from mrta_falsify.verbs.minimize.search import SmallestSearch
 from mrta_falsify.verbs.stored_trials import job_of, kept_trace, kept_world, other_stack_of
-from simulator_interface.guard import guarded
 
 MAX_RUNS = 200  # simulations, unless the caller says otherwise
 JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it
@@ -65,7 +62,6 @@ class Smallest:
     finding: Minimisation
 
 
-@guarded()
 def minimize(
     campaign: Campaign,
     record: TrialRecord,
@@ -97,11 +93,7 @@ def minimize(
     job = job_of(campaign, record)
     folder = campaign.make_folder(record)
     other = other_stack_of(campaign, record)
-    code = code_digest(job.config, job.specifications)
-    if other is not None:
-        code += code_digest(other)
-    lab = Lab(folder / JOURNAL_NAME, code=code, workers=workers)
-    with resumable(f"minimize {record.id}", lab.journal):
+    with Lab(folder / JOURNAL_NAME, what=f"minimize {record.id}", workers=workers) as lab:
         found = minimize_job(job, other=other, max_runs=max_runs, lab=lab, on_run=on_run)
         return _write(found, job, other, folder)
 
@@ -165,7 +157,8 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
     name = signed(found.judged.verdicts, job.rules)
     try:
         write_program(found.world, path, comment=f"The smallest world that fails with {name}.")
-        judged = judge(dataclasses.replace(job, world=compile_program(path).sample(0)))
+        world = compile_program(path).sample(0)
+        judged = Lab().judge(dataclasses.replace(experiment_of_job(job), world=world))
         if judged.outcome.trace.digest == found.finding.trace_digest:
             return "identical"
         now = mechanism(judged.verdicts)
@@ -179,7 +172,6 @@ def write_as_program(found: Smallest, job: Job, folder: Path) -> str:
     return reason
 
 
-@guarded()
 def minimize_job(
     job: Job,
     *,
@@ -197,25 +189,34 @@ def minimize_job(
         lab: that runs them, and keeps finished runs.
         on_run: called after each run.
     """
-    first = judge(job)
-    verdict = leading(first.verdicts)
-    if verdict is None:
-        raise InputError("the run violates nothing; there is nothing to minimise")
-    trace = first.outcome.trace
+    own = experiment_of_job(job)
     with lab or Lab() as opened:
+        first = opened.judge(own)
+        verdict, trace = leading(first.verdicts), first.outcome.trace
+        if verdict is None:
+            raise InputError("the run violates nothing; there is nothing to minimise")
         reruns = Reruns(opened, job, verdict, mechanism(first.verdicts), max_runs, on_run, other)
         search = SmallestSearch(job.world, course_of(verdict, trace, job.world), reruns)
         with contextlib.suppress(OutOfRunsError):
             search.begin(verdict, trace)
             search.finish()
         world = search.world
-        smallest = dataclasses.replace(job, world=world)
-        judged = judge(smallest)
+        smallest, theirs = dataclasses.replace(own, world=world), None
+        judged = opened.judge(smallest)
         if other is None:
             fails = reruns.perturbed(world)
             said = Comparison(PerturbedRuns(runs=len(fails), failed=sum(fails)), None)
         else:
-            said = _ask_both(smallest, judged, other)
+            on_other = dataclasses.replace(smallest, stack=other)
+            theirs = opened.judge(on_other)
+            said = compared_by_vote(
+                opened,
+                smallest,
+                result_of(smallest, judged),
+                on_other,
+                result_of(on_other, theirs),
+                COMPARISON_RUNS,
+            )
     pairs, tried = search.count_pairs()
     finding = Minimisation(
         signature=signed(first.verdicts, job.rules),
@@ -232,17 +233,7 @@ def minimize_job(
         pairs_tried=tried,
         pairs_unsure=len(search.unsure),
     )
-    return Smallest(world=world, judged=judged, theirs=said.their_run, finding=finding)
-
-
-def _ask_both(job: Job, judged: Judged, other: StackConfig) -> Comparison:
-    """Judge a smallest world by copies under both stacks, to see whether it is a knife edge."""
-
-    def run(job: Job) -> Callable[[World], Judged]:
-        return lambda copy: judge(dataclasses.replace(job, world=copy))
-
-    theirs = dataclasses.replace(job, config=other)
-    return judged_by_vote(job.world, judged, COMPARISON_RUNS, run(perturbed_job(job)), run(theirs))
+    return Smallest(world=world, judged=judged, theirs=theirs, finding=finding)
 
 
 def _removed(before: World, after: World) -> tuple[str, ...]:

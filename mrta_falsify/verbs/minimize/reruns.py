@@ -14,9 +14,9 @@ from mrta_falsify.core.errors import HarnessError
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import Course, Experiment, Lab, RunResult, experiment_of_job
-from mrta_falsify.perturbed_runs import fate_by
-from mrta_falsify.specs.causes import is_shut, kind_of, leading
-from mrta_falsify.trial import Job, perturbed_job
+from mrta_falsify.perturbed_runs import fate_on_other
+from mrta_falsify.specs.causes import is_shut, leading
+from mrta_falsify.trial import Job
 
 PERTURBED = 10  # runs of a world with small differences that vote on it
 
@@ -100,13 +100,13 @@ class Reruns:
         own = self._experiment(world, perturbed=True)
         vote = self.lab.vote(own, PERTURBED, self._repeats)
         for number in range(1, 1 + vote.runs + vote.undecided):
-            self._spend_once(dataclasses.replace(own, perturbation=number))
+            self._spend_once(own.with_perturbation(number))
         return vote.robust
 
     def perturbed(self, world: World) -> tuple[bool, ...]:
         """Run a world with small differences; whether each run fails, of those that tell."""
         own = self._experiment(world, perturbed=True)
-        copies = [dataclasses.replace(own, perturbation=1 + k) for k in range(PERTURBED)]
+        copies = [own.with_perturbation(1 + k) for k in range(PERTURBED)]
         fails = []
         for copy, result in zip(copies, self.lab.map(copies), strict=True):
             fails.append(self._repeats(result))
@@ -114,8 +114,8 @@ class Reruns:
         return tuple(failed for failed in fails if failed is not None)
 
     def _experiment(self, world: World, *, perturbed: bool = False) -> Experiment:
-        job = perturbed_job(self.job) if perturbed else self.job
-        return dataclasses.replace(experiment_of_job(job), world=world, with_course=not perturbed)
+        own = dataclasses.replace(experiment_of_job(self.job), world=world)
+        return own.for_vote() if perturbed else dataclasses.replace(own, with_course=True)
 
     def _repeats(self, result: RunResult) -> bool | None:
         """Whether a run violates the same specification; None: it tells nothing."""
@@ -163,13 +163,7 @@ class Reruns:
         theirs = self.lab.run(dataclasses.replace(own, stack=self.other, with_course=False))
         if theirs.status == "error":
             raise HarnessError(theirs.detail)
-        fate = fate_by(
-            self.verdict,
-            theirs.verdicts,
-            fails=theirs.failed,
-            is_shut=kind_of(theirs.verdicts) == "shut",
-        )
-        passes = fate == "passes" and theirs.status != "impossible"
+        passes = fate_on_other(self.verdict, theirs) == "passes" and theirs.status != "impossible"
         return _Answer(result.course if passes else None, 2)
 
     def _spend_once(self, copy: Experiment) -> None:

@@ -17,6 +17,7 @@ from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
+from mrta_falsify.lab import stack_of
 from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
 from mrta_falsify.specs.causes import by_cause, kind_of
 from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
@@ -31,7 +32,6 @@ from mrta_falsify.verbs.stored_trials import (
     read_run,
 )
 from mrta_falsify.verbs.trust import map_of
-from mrta_falsify.worker import stack_of
 from reports.contents import CaseContents, Neighbour
 from reports.sentences import guess_text
 from reports.stack_sentences import coupling_facts
