@@ -30,10 +30,11 @@ from mrta_falsify.stack.allocation.single_robots import (
     members,
 )
 
-NODES = 5_000_000  # of a route search that take as long as one unit of deterministic time
+NODES = 2_500_000  # of a route search that count as one unit of deterministic time
 ROUND = 2_000  # nodes that a question costs at least
 PATIENCE = 0.05  # deterministic time before largest sets are listed
 MAX_ROUNDS = 80  # of one question, likewise
+ROUNDING = 1e-6  # of a bound on a whole number
 
 
 class _ClausesAreSlowError(Exception):
@@ -66,8 +67,9 @@ class _Question:
         from ortools.sat.python import cp_model  # noqa: PLC0415 - 0.4 s; few problems need proof
 
         self._cp, self._names_core = cp_model, names_core
-        self.model = cp_model.CpModel()
+        self.model: Any = cp_model.CpModel()
         self.lost = [self.model.new_bool_var("") for _ in range(m)]
+        self.bound = 0  #: of the last answer: no smaller objective is possible
         self.solver = cp_model.CpSolver()
         for name, value in {
             "num_workers": 1,
@@ -100,22 +102,22 @@ class _Question:
             model.minimize(sum(dear * x if k in kept else x for k, x in enumerate(lost)))
         self.solver.parameters.max_deterministic_time = effort
         status = self.solver.solve(model)
+        self.bound = 0
         if status == self._cp.INFEASIBLE:
             return False
-        if status == self._cp.FEASIBLE and (hard is None or not self._names_core):
-            return None
         if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
             return None
-        return not any(self.holds(lost[k]) for k in hard or ())
+        if model.has_objective():
+            self.bound = math.ceil(self.solver.best_objective_bound - ROUNDING)
+        is_kept = not any(self.holds(lost[k]) for k in hard or ())
+        if status == self._cp.FEASIBLE and (hard is None or not is_kept):
+            return None
+        return is_kept
 
     @property
     def spent(self) -> float:
         """Deterministic time of the last answer."""
         return float(self.solver.response_proto.deterministic_time)
-
-    def least_lost(self) -> int:
-        """Lost deadlines that the last answer proves to be needed."""
-        return math.ceil(self.solver.best_objective_bound - 1e-6)
 
     def failed(self, hard: Sequence[int] | None) -> _Core:
         """Tasks of ``hard`` that the last answer refused."""
@@ -271,7 +273,7 @@ class Prover:
         answer = question.ask(hard, min(effort, left / NODES))
         self._robots.nodes_left -= ROUND + int(NODES * question.spent)
         if hard is None:
-            self._bound = max(self._bound, question.least_lost())
+            self._bound = max(self._bound, question.bound)
         return answer
 
     def _solve(self, hard: Sequence[int] | None) -> list[Bits] | _Core:

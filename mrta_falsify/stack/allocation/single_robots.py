@@ -101,6 +101,7 @@ class SingleRobots:
         picked = np.maximum(starts.time[:, None], jobs.release)
         picked += self._travel[np.ix_(starts.room, jobs.start)] + jobs.load
         able = picked + self._travel[jobs.start, jobs.end] + jobs.unload <= jobs.due
+        able &= starts.capacity[:, None] > 0
         for r in range(self.n):
             for k in range(self.m):
                 if self.only.get(k, r) != r:
