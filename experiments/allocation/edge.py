@@ -1,16 +1,14 @@
-"""The edge of feasibility: plans and proofs by `exact`, and what other solvers say of them.
+"""The edge of feasibility: plans and proofs by `exact`, and what another solver says of them.
 
 Deadlines of SMrTa's single files are scaled, replaced by one for all, and moved by bisection
 to the last value that is possible and the first that is not. Every core is judged again by
-:mod:`second_opinion`, its minimality by checked plans, and instances that our SMT allocator
-finishes within 10 s of CPU are compared with it.
+:mod:`second_opinion`, its minimality by checked plans.
 """
 
 from __future__ import annotations
 
 import collections
 import dataclasses
-import math
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,10 +24,6 @@ from simulator_interface.formats.smrta import SmrtaCase, read_case, read_travel_
 from tests.stack.second_opinion import can_be_covered
 
 EXACT = Exact(ExactOptions(improvement_steps=0, fewest_lost=False))
-SMT_RESOURCES = 8_000_000  # of z3, about 3 to 10 s of CPU
-SMT_SECONDS = 10.0
-SMT_TASKS = 10  # instances up to this size are compared with the SMT allocator
-SMT_MOST = 90  # instances that are compared
 
 
 @dataclass
@@ -135,7 +129,6 @@ def summary(found: list[Probe]) -> dict:
         ],
         "faults": [f"{one.name}: {one.fault}" for one in found if one.fault],
         "cores": judge_cores([one for one in found if one.core]),
-        "smt": compare_with_smt([one for one in found if len(one.problem.tasks) <= SMT_TASKS]),
     }
 
 
@@ -161,28 +154,6 @@ def judge_cores(found: list[Probe]) -> dict:
         shown = all(plan.status == "plan" and not verify(plan, rest) for rest, plan in plans)
         minimal["shown by checked plans" if shown else "NOT SHOWN"] += 1
     return {"judged": len(found), "infeasible": dict(verdict), "minimal": dict(minimal)}
-
-
-def compare_with_smt(found: list[Probe]) -> dict:
-    """`smt` on evenly spread instances: what it finishes in time agrees with `exact` or not."""
-    from mrta_falsify.stack.allocation.smt import Smt, SmtOptions  # noqa: PLC0415
-
-    smt = Smt(SmtOptions(resource_limit=SMT_RESOURCES))
-    verdict: collections.Counter[str] = collections.Counter()
-    step = max(1, math.ceil(len(found) / SMT_MOST))
-    wrong = []
-    for one in found[::step]:
-        ms, answer = cpu(lambda problem=one.problem: smt.allocate(problem))
-        faults = [fault for fault in verify(answer, one.problem) if not fault.promise]
-        if "z3 reached its limit" in answer.reason or answer.status == "partial":
-            verdict["not finished within its resources"] += 1
-        elif ms > 1e3 * SMT_SECONDS:
-            verdict[f"not finished within {SMT_SECONDS:g} s"] += 1
-        elif answer.status == one.status and not faults:
-            verdict[f"agree: {one.status}"] += 1
-        else:
-            wrong.append(f"{one.name}: smt {answer.status}, exact {one.status} {faults}")
-    return {"compared": len(found[::step]), **dict(verdict), "contradictions": wrong}
 
 
 def part_edge(root: Path) -> dict:

@@ -13,12 +13,13 @@ import functools
 import importlib
 import importlib.metadata
 import os
+import warnings
 from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.defects import with_defects
-from mrta_falsify.core.errors import ConfigError, UnknownNameError
+from mrta_falsify.core.errors import ConfigError, InputNote, UnknownNameError
 from mrta_falsify.core.external import EXEC
 from mrta_falsify.core.modules import look_here_for
 
@@ -47,6 +48,8 @@ REMOVED = {
         **dict.fromkeys(("cross_entropy", "verifai_mab", "verifai_halton"), "verifai_ce or halton"),
     }
 }
+#: components that another one answers for, by extension point
+RENAMED = {"allocator": {"smt": "exact"}}
 LAST_WITH_THEM = "45907df"  #: the last commit that has them
 
 OUTSIDE = "simulator_interface.external.layers"  #: module of layers that run by ``exec:``
@@ -81,6 +84,10 @@ def load(point: str, name: str, *, where: str = "") -> Any:
         ConfigError: ``module:Class`` cannot be imported, or is not a component.
     """
     known = _entry_points(point)
+    if name not in known and name in RENAMED.get(point, {}):
+        now = RENAMED[point][name]
+        warnings.warn(InputNote(f"the {point} {name!r} is gone, {now!r} answers"), stacklevel=2)
+        name = now
     if name.startswith(EXEC):
         return importlib.import_module(OUTSIDE).external_layer(point, name)
     if name not in known and name in REMOVED.get(point, {}):

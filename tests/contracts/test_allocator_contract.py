@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mrta_falsify.core import registry
@@ -96,16 +96,7 @@ def check_times(problem, answer):
 @pytest.mark.parametrize("name", NAMES)
 class TestAllocator:
     def build(self, name):
-        for slow, module in (("smt", "z3"), ("tsp", "ortools")):
-            if slow in name:
-                pytest.importorskip(module)
-        limited = {"resource_limit": 150_000} if "smt" in name else {}
-        return registry.build("allocator", Choice(name, limited))
-
-    @staticmethod
-    def spare(name, problem):
-        """SMT formulas of more tasks take seconds; the others are asked everything."""
-        assume("smt" not in name or len(problem.tasks) <= 4)
+        return registry.build("allocator", Choice(name))
 
     def test_it_offers_the_protocol(self, name):
         assert isinstance(self.build(name), Allocator)
@@ -113,7 +104,6 @@ class TestAllocator:
     @settings(suppress_health_check=list(HealthCheck), deadline=None, max_examples=25)
     @given(problem=problems())
     def test_answers_can_be_carried_out_and_account_for_every_task(self, name, problem):
-        self.spare(name, problem)
         answer = self.build(name).allocate(problem)
         assert fault_of(problem, answer) == ""
         assert verify(answer, problem) == ()
@@ -133,13 +123,11 @@ class TestAllocator:
     @settings(suppress_health_check=list(HealthCheck), deadline=None, max_examples=15)
     @given(problem=problems())
     def test_the_same_problem_has_the_same_answer(self, name, problem):
-        self.spare(name, problem)
         assert self.build(name).allocate(problem) == self.build(name).allocate(problem)
 
     @settings(suppress_health_check=list(HealthCheck), deadline=None, max_examples=15)
     @given(problem=problems(robots=st.integers(1, 3)))
     def test_an_answer_is_a_plan_that_can_be_kept(self, name, problem):
-        self.spare(name, problem)
         answer = self.build(name).allocate(problem)
         robots = tuple(
             dataclasses.replace(plan, planned=itinerary)
@@ -151,7 +139,6 @@ class TestAllocator:
     @settings(suppress_health_check=list(HealthCheck), deadline=None, max_examples=15)
     @given(problem=problems(robots=st.integers(1, 3)))
     def test_a_plan_to_be_kept_is_only_appended_to(self, name, problem):
-        self.spare(name, problem)
         first = self.build(name).allocate(problem)
         robots = tuple(
             dataclasses.replace(plan, planned=itinerary)
@@ -184,8 +171,6 @@ class TestAllocator:
         assert answer.unserved == (3,)
 
     def test_the_robot_at_hand_takes_a_single_task(self, name):
-        if "smt" in name:
-            pytest.skip("an SMT solver has no objective: any robot in time will do")
         if "in_turn" in name:
             pytest.skip("who deals in turn does not look where the robots are")
         robots = tuple(

@@ -7,7 +7,7 @@ import pytest
 from mrta_falsify.core import registry
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import ConfigError, InputError, UnknownNameError
+from mrta_falsify.core.errors import ConfigError, InputError, InputNote, UnknownNameError
 
 
 class Fancy:
@@ -32,6 +32,11 @@ def test_an_unknown_name_answers_with_the_known_ones_and_the_nearest():
         "stack.yaml: engine: unknown engine 'bulet'; did you mean 'bullet'? "
         f"Known: {', '.join(registry.names('engine'))}"
     )
+
+
+def test_an_allocator_that_is_gone_is_answered_for_with_a_note():
+    with pytest.warns(InputNote, match="allocator 'smt' is gone, 'exact' answers"):
+        assert registry.load("allocator", "smt") is registry.load("allocator", "exact")
 
 
 def test_an_unknown_extension_point_is_an_error():

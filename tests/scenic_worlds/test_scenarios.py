@@ -166,9 +166,6 @@ def test_each_alternative_layer_has_a_run_in_the_documents():
 
 @pytest.mark.parametrize(("name", "setting"), OTHER_LAYERS)
 def test_a_scenario_runs_with_another_layer(programs, name, setting):
-    for extra, module in (("=smt", "z3"), ("=tsp", "ortools")):
-        if setting.endswith(extra):
-            pytest.importorskip(module)
     trace = driven(programs(name).sample(0), setting, horizon=25.0)
     moved = np.hypot(*np.ptp(trace.columns["pose"][:, :, :2], axis=0).T)
     assert (moved > 1.0).any()

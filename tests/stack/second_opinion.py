@@ -1,16 +1,20 @@
-"""A second, independent judge of cores: sets by dynamic programming, covering by CP-SAT.
+"""A second, independent judge of cores: sets by dynamic programming, covering by HiGHS.
 
 Nothing of the allocators is used: what one robot can serve in time is worked out level by
-level over (tasks done, tasks on board, room), and CP-SAT decides whether the robots' largest
+level over (tasks done, tasks on board, room), and HiGHS decides whether the robots' largest
 sets cover all tasks.
 """
 
 from __future__ import annotations
 
+import numpy as np
+import scipy.sparse
+from scipy.optimize import Bounds, LinearConstraint, milp
+
 from mrta_falsify.core.allocation_problem import AllocationProblem, OpenTask, RobotPlan
 
 MAX_STATES = 600_000  # of one robot, kept at once; more: not decided
-EFFORT = 60.0  # CP-SAT's deterministic time
+NODES = 50_000  # of the integer program
 
 
 class TooLargeError(Exception):
@@ -77,23 +81,19 @@ def _can_be_dropped(
 
 
 def _cover(sets: list[list[int]], m: int) -> bool | None:
-    from ortools.sat.python import cp_model
-
-    model = cp_model.CpModel()
-    covers: list[list[object]] = [[] for _ in range(m)]
-    for r, group in enumerate(sets):
-        takes = [model.new_bool_var(f"{r}_{tasks}") for tasks in group]
-        model.add_at_most_one(takes)
-        for variable, tasks in zip(takes, group, strict=True):
-            for k in range(m):
-                if tasks >> k & 1:
-                    covers[k].append(variable)
-    for options in covers:
-        model.add_bool_or(options)
-    solver = cp_model.CpSolver()
-    solver.parameters.num_workers = 1
-    solver.parameters.max_deterministic_time = EFFORT
-    status = solver.solve(model)
-    if status in (cp_model.OPTIMAL, cp_model.FEASIBLE):
-        return True
-    return False if status == cp_model.INFEASIBLE else None
+    columns = [(r, tasks) for r, group in enumerate(sets) for tasks in group]
+    bits = np.array([tasks for _, tasks in columns], np.int64)
+    covers = scipy.sparse.csr_matrix((bits >> np.arange(m)[:, None]) & 1)
+    robot = np.array([r for r, _ in columns])
+    uses = scipy.sparse.csr_matrix(np.arange(len(sets))[:, None] == robot)
+    answer = milp(
+        np.zeros(len(columns)),
+        constraints=[
+            LinearConstraint(covers, lb=np.ones(m)),
+            LinearConstraint(uses.astype(np.float64), ub=np.ones(len(sets))),
+        ],
+        integrality=np.ones(len(columns)),
+        bounds=Bounds(0.0, 1.0),
+        options={"node_limit": NODES},
+    )
+    return {0: True, 2: False}.get(answer.status)

@@ -220,7 +220,7 @@ def test_counting_proofs_are_found_where_clauses_alone_would_take_for_ever():
 
 
 def test_a_limit_is_named_and_still_everything_is_served():
-    case = problem(2, robots=2, tasks=8, slack=(30, 60))
+    case = problem(2, robots=3, tasks=7, slack=(40, 100))
     answer = Exact(ExactOptions(node_limit=1)).allocate(case)
     assert verify(answer, case) == ()
     assert answer.infeasible is None
@@ -263,32 +263,7 @@ def test_an_auction_gives_the_cheapest_task_away_first():
     assert visits(answer.itineraries[0])[0] == (1, "pickup")
 
 
-def test_smt_and_exact_never_contradict_each_other():
-    pytest.importorskip("z3")
-    from mrta_falsify.stack.allocation.smt import Smt, SmtOptions
-
-    seen = set()
-    for seed in range(8):
-        case = problem(seed, robots=2, tasks=3, slack=(40, 140))
-        answers = [Exact(ExactOptions()).allocate(case), Smt(SmtOptions()).allocate(case)]
-        assert answers[0].status == answers[1].status
-        assert verify(answers[1], case) == ()
-        seen.add(answers[0].status)
-    assert seen == {"plan", "infeasible"}
-
-
-def test_smt_needs_no_search_to_prove_that_nobody_can_reach_a_task_in_time():
-    pytest.importorskip("z3")
-    from mrta_falsify.stack.allocation.smt import Smt, SmtOptions
-
-    tasks = [task(k, 0, 1) for k in range(9)] + [task(9, 2, 0, deadline=39.0)]
-    answer = Smt(SmtOptions(resource_limit=500_000)).allocate(ask(tasks, robot(), robot(1)))
-    assert answer.status == "infeasible"
-    assert 9 in answer.infeasible.core
-
-
 def test_a_second_solver_agrees_about_what_is_possible():
-    pytest.importorskip("ortools")
     from tests.stack.second_opinion import can_be_covered
 
     seen = set()
@@ -301,7 +276,6 @@ def test_a_second_solver_agrees_about_what_is_possible():
 
 
 def test_tours_of_the_tsp_solver_are_made_to_fit_the_capacity():
-    pytest.importorskip("ortools")
     from mrta_falsify.stack.allocation.tsp import Tsp
 
     case = problem(5, robots=2, tasks=6, capacity=1, slack=(300, 600))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -57,50 +56,37 @@ class Exact:
             return timed_allocation(problem, [()] * len(problem.robots))
         if not problem.robots:
             return without_robots(problem)
+        guess = self._insertion.allocate(problem)
+        if guess.status == "plan":
+            return self._improved(problem, guess.itineraries, lost=())
         try:
-            with contextlib.closing(Prover(problem, self._options.node_limit)) as prover:
-                prover.suggest(self._first_guess(problem))
-                return self._decide(problem, prover)
+            prover = Prover(problem, self._options.node_limit)
+            prover.suggest(_owners(problem, guess))
+            found = prover.prove()
+            if isinstance(found, Proof):
+                return self._refused(problem, prover, found, guess)
+            return self._serve(problem, prover, found)
         except LimitReachedError:
-            answer = self._insertion.allocate(problem)
-            if answer.status == "plan":
-                return answer
             limit = self._options.node_limit
             undecided = f"within {limit} nodes neither a plan nor a proof was found"
-            return dataclasses.replace(answer, reason=f"{undecided}; {answer.reason}")
+            return dataclasses.replace(guess, reason=f"{undecided}; {guess.reason}")
 
-    def _first_guess(self, problem: AllocationProblem) -> dict[int, int]:
-        """Robots by task, both as positions, where insertion has the task in time."""
-        guess = self._insertion.allocate(problem)
-        position = {task.number: k for k, task in enumerate(problem.tasks)}
-        return {
-            position[stop.task]: r
-            for r, stops in enumerate(guess.itineraries)
-            for stop in stops
-            if stop.task not in guess.late
-        }
-
-    def _decide(self, problem: AllocationProblem, prover: Prover) -> Allocation:
-        found = prover.prove()
-        if not isinstance(found, Proof):
-            return self._serve(problem, prover, found)
+    def _refused(
+        self, problem: AllocationProblem, prover: Prover, found: Proof, guess: Allocation
+    ) -> Allocation:
+        """The plan that loses the fewest deadlines, as far as it was found, with the proof."""
         proof = Infeasible(
             core=tuple(sorted(problem.tasks[k].number for k in found.core)),
             reason=core_in_words(problem, found),
             minimal=found.minimal,
         )
-        sets, least = None, 1
-        if self._options.fewest_lost:
-            sets, least = prover.fewest_lost()
-        if sets is None:
-            answer = self._insertion.allocate(problem)
-        else:
-            answer = self._serve(problem, prover, sets)
+        sets, least = prover.fewest_lost() if self._options.fewest_lost else (None, 1)
+        answer = guess if sets is None else self._serve(problem, prover, sets)
         return dataclasses.replace(
             answer,
             reason=f"{answer.reason}: {proof.reason}",
             infeasible=proof,
-            least_lost=least,
+            least_lost=max(1, least),
         )
 
     def _serve(self, problem: AllocationProblem, prover: Prover, sets: Sequence[int]) -> Allocation:
@@ -108,16 +94,33 @@ class Exact:
         served = 0
         for tasks in sets:
             served |= tasks
+        lost = [k for k in range(len(problem.tasks)) if not served >> k & 1]
+        plans = [prover.itinerary(r, sets[r]) for r in range(prover.n)]
+        return self._improved(problem, plans, lost)
+
+    def _improved(
+        self, problem: AllocationProblem, plans: Sequence[Sequence[Stop]], lost: Sequence[int]
+    ) -> Allocation:
+        """Better plans; the ``lost`` tasks, by position, are served late."""
         table = RouteTable.of(without_plans(problem))
-        for k in range(len(problem.tasks)):
-            if not served >> k & 1:
-                table.w.node["due"][table.n + 2 * k + 1] = np.inf
-        plans: list[tuple[Stop, ...]] = [prover.itinerary(r, sets[r]) for r in range(prover.n)]
+        for k in lost:
+            table.w.node["due"][table.n + 2 * k + 1] = np.inf
         table.reload(plans)
         self._insertion.serve_late(table, table.pending())
         if self._options.improvement_steps:
             self._insertion.improve(table, self._options.improvement_steps)
         return timed_allocation(problem, [table.stops(r) for r in range(table.n)])
+
+
+def _owners(problem: AllocationProblem, answer: Allocation) -> dict[int, int]:
+    """Robots by task, both as positions, where an answer has the task in time."""
+    position = {task.number: k for k, task in enumerate(problem.tasks)}
+    return {
+        position[stop.task]: r
+        for r, stops in enumerate(answer.itineraries)
+        for stop in stops
+        if stop.task not in answer.late
+    }
 
 
 def without_plans(problem: AllocationProblem) -> AllocationProblem:

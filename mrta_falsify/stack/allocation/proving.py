@@ -1,25 +1,28 @@
-"""Plan or proof: a SAT master assigns tasks, exact single-robot routes refuse.
+"""Plan or proof: CP-SAT gives tasks to robots, exact single-robot routes refuse.
 
-Logic-based Benders decomposition: the master chooses a robot for every task; for each robot
+Logic-based Benders decomposition: CP-SAT chooses a robot for every task; for each robot
 :func:`search_route` finds an order or proves that there is none. Then a smallest set of its
-tasks that is refused becomes a clause, for all robots that refuse it. When the master has no
-choice left, that is a proof, and its failed assumptions are a core, made minimal by leaving
-tasks out.
+tasks that is refused becomes a clause, for all robots that refuse it. When no choice is left,
+that is a proof, and the assumptions that failed are a core, made minimal by leaving tasks out.
+Where clauses would have to count, each robot takes one of the largest sets that it can serve:
+that is one question, with a linear relaxation that counts well.
+
+One worker, a fixed seed, and limits in CP-SAT's deterministic time: the same answer every time.
 
 Reference: Hooker & Ottosson, "Logic-based Benders decomposition", Math. Programming 2003.
 """
 
 from __future__ import annotations
 
+import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pysat.card import ITotalizer
-from pysat.solvers import Solver
 
 from mrta_falsify.core.allocation_problem import AllocationProblem, Stop
-from mrta_falsify.stack.allocation.covering import Covering
 from mrta_falsify.stack.allocation.single_robots import (
     Bits,
     LimitReachedError,
@@ -27,12 +30,15 @@ from mrta_falsify.stack.allocation.single_robots import (
     members,
 )
 
-CONFLICT = 300  # nodes of a route search that take as long as one conflict of the master
-PATIENCE = 400  # conflicts of the master before the covering problem is tried
+NODES = 2_500_000  # of a route search that count as one unit of deterministic time
+ROUND = 2_000  # nodes that a question costs at least
+PATIENCE = 0.05  # deterministic time before largest sets are listed
+MAX_ROUNDS = 80  # of one question, likewise
+ROUNDING = 1e-6  # of a bound on a whole number
 
 
-class _MasterIsSlowError(Exception):
-    """The master needs more conflicts than it was given."""
+class _ClausesAreSlowError(Exception):
+    """A question took more rounds, or more time, than it was given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +47,89 @@ class Proof:
 
     core: tuple[int, ...]
     minimal: bool
+
+
+class _Core(list[int]):
+    """Tasks that cannot all be in time."""
+
+
+class _Question:
+    """A CP-SAT model in which the deadlines of some tasks are kept and the others may be lost."""
+
+    def __init__(self, m: int, *, names_core: bool, **parameters: object) -> None:
+        """Begin a model.
+
+        Args:
+            m: number of tasks.
+            names_core: have CP-SAT name the deadlines that clash; it counts badly then.
+            parameters: of CP-SAT.
+        """
+        from ortools.sat.python import cp_model  # noqa: PLC0415 - 0.4 s; few problems need proof
+
+        self._cp, self._names_core = cp_model, names_core
+        self.model: Any = cp_model.CpModel()
+        self.lost = [self.model.new_bool_var("") for _ in range(m)]
+        self.bound = 0  #: of the last answer: no smaller objective is possible
+        self.solver = cp_model.CpSolver()
+        for name, value in {
+            "num_workers": 1,
+            "random_seed": 0,
+            "catch_sigint_signal": False,  # else Ctrl-C is taken for the end of the search
+            "cp_model_probing_level": 0,
+            "symmetry_level": 0,
+            **parameters,
+        }.items():
+            setattr(self.solver.parameters, name, value)
+
+    def ask(self, hard: Sequence[int] | None, effort: float) -> bool | None:
+        """Look for a solution that keeps the ``hard`` deadlines, or with as few lost as possible.
+
+        Args:
+            hard: tasks; None: any may be lost, as few as possible.
+            effort: deterministic time.
+
+        Returns:
+            Whether there is one; None if the limit was reached.
+        """
+        model, lost = self.model, self.lost
+        model.clear_assumptions()
+        model.clear_objective()
+        if hard is not None and self._names_core:
+            model.add_assumptions([~lost[k] for k in hard])
+        else:
+            kept = frozenset(hard or ())
+            dear = 1 + len(lost) - len(kept)
+            model.minimize(sum(dear * x if k in kept else x for k, x in enumerate(lost)))
+        self.solver.parameters.max_deterministic_time = effort
+        status = self.solver.solve(model)
+        self.bound = 0
+        if status == self._cp.INFEASIBLE:
+            return False
+        if status not in (self._cp.OPTIMAL, self._cp.FEASIBLE):
+            return None
+        if model.has_objective():
+            self.bound = math.ceil(self.solver.best_objective_bound - ROUNDING)
+        is_kept = not any(self.holds(lost[k]) for k in hard or ())
+        if status == self._cp.FEASIBLE and (hard is None or not is_kept):
+            return None
+        return is_kept
+
+    @property
+    def spent(self) -> float:
+        """Deterministic time of the last answer."""
+        return float(self.solver.response_proto.deterministic_time)
+
+    def failed(self, hard: Sequence[int] | None) -> _Core:
+        """Tasks of ``hard`` that the last answer refused."""
+        if not self._names_core:
+            return _Core(hard or ())
+        position = {variable.index: k for k, variable in enumerate(self.lost)}
+        found = self.solver.sufficient_assumptions_for_infeasibility()
+        return _Core(sorted(position[i if i >= 0 else -i - 1] for i in found) or hard or ())
+
+    def holds(self, variable: Any) -> bool:
+        """Whether a variable is true in the last solution."""
+        return bool(self.solver.boolean_value(variable))
 
 
 class Prover:
@@ -54,159 +143,159 @@ class Prover:
 
         Args:
             problem: what is to be decided.
-            node_limit: nodes of route searches, and of the master's conflicts as many as take
-                as long.
+            node_limit: nodes of route searches, and for CP-SAT as many as take as long.
         """
         self._robots = SingleRobots(problem, node_limit)
         self.m, self.n = len(problem.tasks), len(problem.robots)
-        self._rounds = 0
-        self._covering_tried = False
-        self._cover: Covering | None = None
-        farthest_first = np.argsort(-self._robots.times_to_pickups().T, axis=1, kind="stable")
-        self._rank = np.argsort(farthest_first, axis=1)
-        self._solver = Solver(name="glucose4")
+        self._alone = self._robots.alone()
+        self._clauses = _Question(self.m, names_core=True, cp_model_presolve=False)
+        #: per task, by robot: that robot serves it in time
+        self._has: list[dict[int, Any]] = []
+        self._sets_listed = False
+        self._sets: _Question | None = None
+        self._columns: list[tuple[int, Bits, Any]] = []  #: kind, largest set, whether it is used
+        self._bound = 0
         self._build()
 
-    # --- the master -------------------------------------------------------------------------
-
-    def _has(self, k: int, r: int) -> int:
-        """Variable: robot r serves task k in time.
-
-        The master sets variables to false in their order, so the nearest robot comes last.
-        """
-        return 1 + k * self.n + int(self._rank[k, r])
-
-    def _lost(self, k: int) -> int:
-        """Variable: the deadline of task k is given up."""
-        return 1 + self.m * self.n + k
+    # --- clauses ------------------------------------------------------------------------------
 
     def _build(self) -> None:
-        alone = np.zeros((self.n, self.m), np.bool_)
+        model = self._clauses.model
         for k in range(self.m):
-            only = self._robots.only.get(k)
-            for r in range(self.n):
-                alone[r, k] = only in (None, r) and self._robots.accepts(r, 1 << k)
-            able = [self._has(k, r) for r in range(self.n) if alone[r, k]]
-            self._solver.add_clause([self._lost(k), *able])
-            for r in range(self.n):
-                if not alone[r, k]:
-                    self._solver.add_clause([-self._has(k, r)])
-        free = alone.copy()
+            able = np.flatnonzero(self._alone[:, k]).tolist()
+            self._has.append({r: model.new_bool_var("") for r in able})
+            model.add_exactly_one([self._clauses.lost[k], *self._has[k].values()])
+        free = self._alone.copy()
         for r in range(self.n):
             if self._robots.onboard[r] or self._robots.kind[r] != r:
                 free[r] = False
         free[:, list(self._robots.carrier)] = False
         clash = self._robots.clashing_pairs(free)
-        for r, k, j in zip(*np.nonzero(np.tril(clash)), strict=True):
-            for twin in range(self.n):
-                if self._robots.kind[twin] == r:
-                    self._solver.add_clause([-self._has(int(k), twin), -self._has(int(j), twin)])
-
-    def _routes_of_master(self, assumptions: Sequence[int], budget: int) -> list[Bits] | None:
-        """Sets of tasks per robot that no clause forbids; None if there is no choice left."""
-        if self._robots.nodes_left <= 0:
-            raise LimitReachedError
-        before = self._solver.accum_stats()["conflicts"]
-        self._solver.conf_budget(max(1, min(self._robots.nodes_left // CONFLICT, budget)))
-        found = self._solver.solve_limited(assumptions=list(assumptions))
-        conflicts = self._solver.accum_stats()["conflicts"] - before
-        self._robots.nodes_left -= 1 + CONFLICT * conflicts
-        if found is None and self._robots.nodes_left > 0:
-            raise _MasterIsSlowError
-        if found is None:
-            raise LimitReachedError
-        if not found:
-            return None
-        model = self._solver.get_model()
-        sets = [0] * self.n
-        for k in range(self.m):
-            if model[self._lost(k) - 1] > 0:
-                continue
-            for r in range(self.n):
-                if model[self._has(k, r) - 1] > 0:
-                    sets[r] |= 1 << k
-                    break
-        return sets
-
-    def _solve(self, assumptions: Sequence[int], patience: int | None) -> list[Bits] | None:
-        """Sets of tasks that the robots can serve; None if there are none.
-
-        Raises:
-            _MasterIsSlowError: it took more than ``patience`` conflicts and rounds.
-        """
-        stop_at = -1 if patience is None else self._effort() + patience
-        while True:
-            left = stop_at - self._effort() if patience is not None else self._robots.nodes_left
-            if patience is not None and left <= 0:
-                raise _MasterIsSlowError
-            sets = self._routes_of_master(assumptions, left)
-            self._rounds += 1
-            if sets is None:
-                return None
-            clauses = 0
-            for r in range(self.n):
-                refused = self._robots.first_refused(r, sets[r])
-                if refused:
-                    self._forbid(r, self._robots.smallest_refused(r, refused))
-                    clauses += 1
-            if clauses == 0:
-                return sets
-
-    def _effort(self) -> int:
-        return int(self._solver.accum_stats()["conflicts"]) + 5 * self._rounds
-
-    def _forbid(self, r: int, tasks: Bits) -> None:
-        """Clauses: these tasks are not served together, for every robot that refuses them."""
-        chosen = members(tasks)
-        verdict: dict[int, bool] = {self._robots.kind[r]: False}
-        for other in range(self.n):
-            kind = self._robots.kind[other]
-            if kind not in verdict:
-                alien = any(self._robots.only.get(k, other) != other for k in chosen)
-                verdict[kind] = alien or self._robots.accepts(other, tasks)
-            if not verdict[kind]:
-                self._solver.add_clause([-self._has(k, other) for k in chosen])
+        for r, k, j in np.argwhere(np.tril(clash)).tolist():
+            for twin in self._robots.twins(r):
+                model.add_bool_or([~self._has[k][twin], ~self._has[j][twin]])
 
     def suggest(self, owner: dict[int, int]) -> None:
-        """Let the master try robot ``owner[k]`` for task ``k`` first."""
-        self._solver.set_phases([self._has(k, r) for k, r in sorted(owner.items())])
+        """Let CP-SAT try robot ``owner[k]`` for task ``k`` first."""
+        model = self._clauses.model
+        for k, variables in enumerate(self._has):
+            for r, variable in variables.items():
+                model.add_hint(variable, owner.get(k) == r)
+            model.add_hint(self._clauses.lost[k], k not in owner)
 
     def itinerary(self, r: int, tasks: Bits) -> tuple[Stop, ...]:
         """Stops with which robot ``r`` serves ``tasks`` in time; without times."""
         return self._robots.itinerary(r, tasks)
 
-    # --- the covering problem -----------------------------------------------------------------
+    def _by_clauses(
+        self, hard: Sequence[int] | None, *, patience: float, rounds: int
+    ) -> list[Bits] | _Core:
+        """See :meth:`_solve`.
 
-    def _covering(self) -> Covering | None:
-        """Covering problem over all largest sets; None if there are too many of them."""
-        if not self._covering_tried:
-            self._covering_tried = True
-            self._cover = self._robots.covering()
-        return self._cover
-
-    def _decide(self, hard: Sequence[int]) -> list[Bits] | list[int]:
-        """Sets of tasks per robot with all of ``hard`` in time, or a part of it that cannot be.
-
-        The two are told apart by :class:`_Core`.
+        Raises:
+            LimitReachedError: the limit of nodes was reached.
+            _ClausesAreSlowError: it took more ``rounds``, or more deterministic time.
         """
-        assumptions = [-self._lost(k) for k in hard]
-        try:
-            sets = self._solve(assumptions, PATIENCE)
-        except _MasterIsSlowError:
-            cover = self._covering()
-            if cover is not None:
-                core = cover.relaxed_core(hard)
-                if core:
-                    return _Core(core)
-                found, lost = cover.best(hard)
-                if lost:
-                    return _Core(hard)
-                if found is not None:
-                    return found
-            sets = self._solve(assumptions, None)
-        return _Core(self._failed()) if sets is None else sets
+        while True:
+            answer = self._ask(self._clauses, hard, patience)
+            patience -= self._clauses.spent
+            rounds -= 1
+            if answer is None or patience <= 0.0 or rounds <= 0:
+                raise _ClausesAreSlowError
+            if not answer:
+                return self._clauses.failed(hard)
+            sets = [0] * self.n
+            for k, variables in enumerate(self._has):
+                for r, variable in variables.items():
+                    if self._clauses.holds(variable):
+                        sets[r] |= 1 << k
+            refused = [(r, self._robots.first_refused(r, sets[r])) for r in range(self.n)]
+            for r, tasks in refused:
+                if tasks:
+                    self._forbid(r, members(self._robots.smallest_refused(r, tasks)))
+            if not any(tasks for _, tasks in refused):
+                return sets
+
+    def _forbid(self, r: int, tasks: Sequence[int]) -> None:
+        """Clauses: these tasks are not served together, for every robot that refuses them."""
+        bits = sum(1 << k for k in tasks)
+        for kind in sorted(set(self._robots.kind)):
+            if kind != self._robots.kind[r]:
+                is_able = all(kind in self._has[k] for k in tasks)
+                if not is_able or self._robots.accepts(kind, bits):
+                    continue
+            for twin in self._robots.twins(kind):
+                self._clauses.model.add_bool_or([~self._has[k][twin] for k in tasks])
+
+    # --- largest sets -------------------------------------------------------------------------
+
+    def _list_sets(self) -> None:
+        """Build the question in which every robot takes one of its largest sets, if it can be."""
+        self._sets_listed = True
+        found = self._robots.largest_sets()
+        if found is None:
+            return
+        self._sets = _Question(
+            self.m, names_core=False, linearization_level=2, add_lp_constraints_lazily=False
+        )
+        model = self._sets.model
+        covers = [[lost] for lost in self._sets.lost]
+        for kind, sets in found.items():
+            used = [model.new_bool_var("") for _ in sets]
+            model.add(sum(used) <= len(self._robots.twins(kind)))
+            for tasks, variable in zip(sets, used, strict=True):
+                self._columns.append((kind, tasks, variable))
+                for k in members(tasks):
+                    covers[k].append(variable)
+        for options in covers:
+            model.add_bool_or(options)
+
+    def _by_sets(self, question: _Question, hard: Sequence[int] | None) -> list[Bits] | _Core:
+        """See :meth:`_solve`."""
+        answer = self._ask(question, hard, math.inf)
+        if answer is None:
+            raise LimitReachedError
+        if not answer:
+            return question.failed(hard)
+        chosen = [0] * self.n
+        free = {kind: self._robots.twins(kind) for kind in set(self._robots.kind)}
+        for kind, tasks, variable in self._columns:
+            if question.holds(variable):
+                chosen[free[kind].pop()] = tasks
+        return chosen
 
     # --- answers ------------------------------------------------------------------------------
+
+    def _ask(self, question: _Question, hard: Sequence[int] | None, effort: float) -> bool | None:
+        left = self._robots.nodes_left
+        if left <= 0:
+            raise LimitReachedError
+        answer = question.ask(hard, min(effort, left / NODES))
+        self._robots.nodes_left -= ROUND + int(NODES * question.spent)
+        if hard is None:
+            self._bound = max(self._bound, question.bound)
+        return answer
+
+    def _solve(self, hard: Sequence[int] | None) -> list[Bits] | _Core:
+        """Sets of tasks per robot with all of ``hard`` in time, or a part of it that cannot be.
+
+        Args:
+            hard: tasks; None: as many of all as can be.
+
+        Raises:
+            LimitReachedError: neither was found within the limit.
+        """
+        if not self._sets_listed:
+            try:
+                return self._by_clauses(hard, patience=PATIENCE, rounds=MAX_ROUNDS)
+            except _ClausesAreSlowError:
+                self._list_sets()
+        if self._sets is not None:
+            return self._by_sets(self._sets, hard)
+        try:
+            return self._by_clauses(hard, patience=math.inf, rounds=sys.maxsize)
+        except _ClausesAreSlowError:
+            raise LimitReachedError from None
 
     def prove(self) -> list[Bits] | Proof:
         """Sets of tasks per robot with which all deadlines are kept, or a minimal core.
@@ -214,7 +303,10 @@ class Prover:
         Raises:
             LimitReachedError: neither was found within the limit.
         """
-        found = self._decide(range(self.m))
+        for k in range(self.m):
+            if not self._has[k]:
+                return Proof(core=(k,), minimal=True)
+        found = self._solve(range(self.m))
         if not isinstance(found, _Core):
             return found
         try:
@@ -222,17 +314,12 @@ class Prover:
         except LimitReachedError:
             return Proof(core=tuple(found), minimal=False)
 
-    def _failed(self) -> list[int]:
-        """Tasks of the assumptions that failed."""
-        first = self._lost(0)
-        return sorted(-literal - first for literal in self._solver.get_core() or ())
-
     def _minimised(self, core: Sequence[int]) -> tuple[int, ...]:
         needed: list[int] = []
         rest = list(core)
         while rest:
             k = rest.pop()
-            found = self._decide(sorted((*needed, *rest)))
+            found = self._solve(sorted((*needed, *rest)))
             if isinstance(found, _Core):
                 failed = set(found)
                 rest = [j for j in rest if j in failed]
@@ -240,42 +327,16 @@ class Prover:
                 needed.append(k)
         return tuple(sorted(needed))
 
-    def fewest_lost(self, at_least: int = 1) -> tuple[list[Bits] | None, int]:
+    def fewest_lost(self) -> tuple[list[Bits] | None, int]:
         """Sets of tasks with as few lost deadlines as possible.
-
-        Args:
-            at_least: a number of lost deadlines that is known to be needed.
 
         Returns:
             The sets, or None if the limit was reached; and how many lost deadlines are proved
             to be needed.
         """
-        lost = [self._lost(k) for k in range(self.m)]
-        bound = at_least
-        with ITotalizer(lits=lost, ubound=self.m, top_id=lost[-1]) as count:
-            self._solver.append_formula(count.cnf.clauses)
-            try:
-                while bound < self.m:
-                    sets = self._solve([-count.rhs[bound]], PATIENCE)
-                    if sets is not None:
-                        return sets, bound
-                    bound += 1
-            except _MasterIsSlowError:
-                pass
-            except LimitReachedError:
-                return None, bound
-        if bound == self.m:
-            return [0] * self.n, bound
-        cover = self._covering() if self._robots.nodes_left > 0 else None
-        if cover is None:
-            return None, bound
-        found, least = cover.best(range(self.m))
-        return found, max(bound, least)
-
-    def close(self) -> None:
-        """Free the solver."""
-        self._solver.delete()
-
-
-class _Core(list[int]):
-    """Tasks that cannot all be in time."""
+        try:
+            sets = self._solve(None)
+        except LimitReachedError:
+            return None, self._bound
+        assert not isinstance(sets, _Core), "all deadlines may be lost"
+        return sets, self._bound

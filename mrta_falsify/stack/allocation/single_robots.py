@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mrta_falsify.core.allocation_problem import AllocationProblem, Stop
-from mrta_falsify.core.arrays import Array, BoolArray, IntArray
-from mrta_falsify.stack.allocation.covering import Covering
+from mrta_falsify.core.arrays import BoolArray, IntArray
 from mrta_falsify.stack.allocation.route_search import (
     CUT_OFF,
     FEASIBLE,
@@ -24,8 +23,8 @@ from mrta_falsify.stack.allocation.route_search import (
 
 Bits = int  # a set of tasks, one bit each
 
-MAX_SETS = 400_000  # sets looked at for the covering problem
-MAX_BITS = 62  # tasks of the covering problem
+MAX_SETS = 400_000  # sets looked at for the list of all largest ones
+MAX_BITS = 62  # tasks of such a set
 
 
 class LimitReachedError(Exception):
@@ -92,9 +91,24 @@ class SingleRobots:
             for r in range(self.n)
         ]
 
-    def times_to_pickups(self) -> Array:
-        """Travel times ``(n, m)`` [s] from every robot to the pickup of every task."""
-        return np.asarray(self._travel[np.ix_(self._starts.room, self._jobs.start)])
+    def twins(self, kind: int) -> list[int]:
+        """Robots of a kind."""
+        return [r for r in range(self.n) if self.kind[r] == kind]
+
+    def alone(self) -> BoolArray:
+        """Whether each robot can serve each task in time if it serves no other, ``(n, m)``."""
+        jobs, starts = self._jobs, self._starts
+        picked = np.maximum(starts.time[:, None], jobs.release)
+        picked += self._travel[np.ix_(starts.room, jobs.start)] + jobs.load
+        able = picked + self._travel[jobs.start, jobs.end] + jobs.unload <= jobs.due
+        able &= starts.capacity[:, None] > 0
+        for r in range(self.n):
+            for k in range(self.m):
+                if self.only.get(k, r) != r:
+                    able[r, k] = False
+                elif self.onboard[r]:
+                    able[r, k] = self.accepts(r, 1 << k)
+        return able
 
     def clashing_pairs(self, alone: BoolArray) -> BoolArray:
         """Pairs of tasks that a robot cannot both serve; arguments as of the function."""
@@ -158,34 +172,27 @@ class SingleRobots:
                 stops.append(Stop(task=task.number, action="pickup", room=task.start, time=0.0))
         return tuple(stops)
 
-    def covering(self) -> Covering | None:
-        """Covering problem over all largest sets; None if there are too many of them."""
+    def largest_sets(self) -> dict[int, list[Bits]] | None:
+        """All largest sets that each kind of robot serves; None if there are too many of them."""
         if self.m > MAX_BITS:
             return None
-        sets, groups = [], []
-        looks = MAX_SETS
+        sets, looks, able = {}, MAX_SETS, self.alone()
         for kind in sorted(set(self.kind)):
-            allowed = [
-                k
-                for k in range(self.m)
-                if self.only.get(k, kind) == kind and self.accepts(kind, 1 << k)
-            ]
             complete, found, nodes = feasible_sets(
                 self._travel,
                 self._jobs,
                 self._starts,
                 kind,
                 np.array(self.onboard[kind], np.int64),
-                np.array(allowed, np.int64),
+                np.flatnonzero(able[kind]),
                 looks,
             )
             self.nodes_left -= nodes
             looks -= len(found)
             if not complete or self.nodes_left <= 0:
                 return None
-            sets.append([int(tasks) for tasks in found])
-            groups.append([r for r in range(self.n) if self.kind[r] == kind])
-        return Covering(sets, groups, self.m)
+            sets[kind] = [int(tasks) for tasks in found]
+        return sets
 
 
 def members(tasks: Bits) -> list[int]:

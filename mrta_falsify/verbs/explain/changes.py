@@ -25,7 +25,7 @@ SUSPECTS = (
     "allocator",
 )
 #: alternatives that take minutes for a stream of tasks
-LEFT_OUT = frozenset(("smt", "tsp", "exact"))
+LEFT_OUT = frozenset(("tsp", "exact"))
 MAX_OTHERS = 2  # implementations of a layer that are tried in place of the one under test
 
 
