@@ -317,7 +317,7 @@ def test_cases_behind_the_first_ones_are_pages_beside_the_page(campaign, tmp_pat
         text = case.read_text()
         assert text.count("<article ") == 1
         assert 'href="../a%20page.html"' in text
-        assert "http" not in re.sub(r"http://www.w3.org/\d+/\w+", "", text)
+        assert not re.findall(r'(?:href|src)="https?:', text)
     case.write_text("as before")
     reporting.write_report(many, page, cases=3, refresh=5)  # it is newer than its trial
     assert case.read_text() == "as before"
