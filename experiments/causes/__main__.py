@@ -3,7 +3,8 @@
     python -m experiments.causes draw cases.jsonl --seed 46000 --each 3
     python -m experiments.causes run cases.jsonl -o rows.jsonl [--max-runs 120]
 
-All failures of a draw count. ``explain`` and the guess from the trace are told apart.
+All failures of a draw count. They are explained in an order that the seed draws, so that those done
+so far are a sample of all. ``explain`` and the guess from the trace are told apart.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import dataclasses
 import functools
 import json
+import random
 import sys
 from collections.abc import Collection
 from pathlib import Path
@@ -67,7 +69,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("draw", "run"))
     parser.add_argument("cases", type=Path)
-    parser.add_argument("--seed", type=int, default=46000)
+    parser.add_argument("--seed", type=int, default=46000, help="of the draw and of the order")
     parser.add_argument("--each", type=int, default=3)
     parser.add_argument("--max-runs", type=int, default=120)
     parser.add_argument("--workers", type=int, default=1, help="failures at a time")
@@ -81,8 +83,10 @@ def main() -> int:
         return 0
     lines = arguments.cases.read_text().splitlines()
     cases = {c.name: c for c in (codec.decode(Case, json.loads(line)) for line in lines)}
+    names = list(cases)
+    random.Random(arguments.seed).shuffle(names)
     make = functools.partial(explained, cases, arguments.max_runs)
-    return run_command(arguments.output, make, list(cases), arguments.workers, report)
+    return run_command(arguments.output, make, names, arguments.workers, report)
 
 
 if __name__ == "__main__":

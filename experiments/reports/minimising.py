@@ -42,7 +42,7 @@ from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.edits import things_of
 from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from mrta_falsify.verbs.minimize.sentences import minimal_text
-from mrta_falsify.lab import specifications_of
+from mrta_falsify.verbs.stored_trials import job_of
 from scenic_worlds.program import compile_program
 from scenic_worlds.variation import perturbed_worlds
 from simulator_interface.starts import check_starts
@@ -69,12 +69,8 @@ def study(case: StoredFailure, folder: Path, max_runs: int) -> dict[str, Any]:
     spent = cpu_seconds() - began
     files = apart.folder(case.record)
     world = read_world(files / "world.min.json")
-    job = Job(
-        world=world,
-        config=read_config(files / "stack.yaml"),
-        specifications=specifications_of(case.campaign.settings.trials),
-        early_stop=True,
-    )
+    stack = read_config(files / "stack.yaml")
+    job = dataclasses.replace(job_of(apart, case.record), world=world, config=stack)
     again = judge(job)
     verdict = leading(again.verdicts)
     account = wait_account(verdict, again.outcome.trace) if verdict is not None else None
