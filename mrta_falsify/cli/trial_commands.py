@@ -79,6 +79,13 @@ def _listed(directory: Path) -> tuple[tuple[TrialRow, ...], Callable[[], tuple[s
     return rows, lambda: short_summary(campaign, {row.id: row.layer for row in rows})
 
 
+def _what_became(status: str, *, failed: bool) -> str:
+    """Say what became of a trial, in a word: one that was judged has failed or passed."""
+    if status != "ok":
+        return status
+    return "failed" if failed else "passed"
+
+
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_votes = any(row.jittered for row in rows)
     columns = ["id", "status", "score", "kind", "signature", "who", "layer", "simulated"]
@@ -93,7 +100,7 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     for row in rows:
         cells = [
             row.id,
-            row.status,
+            _what_became(row.status, failed=row.failed),
             f"{row.score:+.3f}" if row.status == "ok" else "",
             row.kind,
             row.signature,
@@ -144,8 +151,7 @@ def show_command(directory: Path, id: str, style: str) -> int:
         output.print_json(data | _record_data(record, campaign.settings.rules))
         return ExitCode.DONE
     out = output.stdout()
-    fate = "failed" if record.failed else "passed"
-    status = fate if record.status == "ok" else record.status
+    status = _what_became(record.status, failed=record.failed)
     out.print(f"trial      {record.id}, {status}, engine {record.engine or 'none'}")
     out.print(f"score      {record.score:+.4f}")
     if record.signature:
