@@ -31,7 +31,8 @@ OWN = (
     *("lock", "trials", "bisect.worktrees"),
 )
 OWN_ENDINGS = (".journal.jsonl", ".part")
-SEALED_AS = (3, 2)  #: formats that settings had when they were sealed; one may have changed since
+#: version and target that settings had when they were sealed; these may have changed since
+SEALED_AS = ((3, "trials"), (2, "mrta_falsify.worker:open_trials"))
 CHANGING = ("budget", "time_limit")  #: settings that may change when a campaign is resumed
 
 _followed: set[Path] = set()  # folders whose files may lie elsewhere
@@ -97,7 +98,7 @@ def _sealed_places(directory: Path) -> dict[str, Any] | None:
     try:
         seal, settings = (codec.read_json(directory / name) for name in (SEAL, SETTINGS))
         mac, places = seal["mac"], dict(seal["places"])
-        macs = [_mac(key, {**settings, "version": v}, places) for v in SEALED_AS]
+        macs = [_mac(key, {**settings, "version": v, "target": t}, places) for v, t in SEALED_AS]
         is_ours = any(hmac.compare_digest(str(mac).encode(), own.encode()) for own in macs)
     except (InputError, KeyError, TypeError, ValueError):
         return None

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from mrta_falsify.campaigns.made_here import INDEX, RECORDS, SETTINGS, refuse_links
+from mrta_falsify.campaigns.made_here import INDEX, RECORDS, SETTINGS, has_seal, refuse_links
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.errors import InputError, PlaceError
@@ -167,6 +167,8 @@ def write_index(directory: Path, index: TrialIndex) -> None:
 
 def read_index(directory: Path) -> TrialIndex | None:
     """Read the index of a campaign; None: there is none, or it is not that of the log."""
+    if not has_seal(directory):
+        return None  # somebody else could have written it
     paths = [directory / name for name in (INDEX, RECORDS, SETTINGS)]
     if not all(path.is_file() and not path.is_symlink() for path in paths):
         return None
@@ -180,12 +182,12 @@ def read_index(directory: Path) -> TrialIndex | None:
         columns = [_column(field, data["columns"][field.name]) for field in FIELDS]
         before, after = (tuple(map(str, part)) for part in data["summary"])
         ranked = frozenset(map(str, data["ranked"]))
-    except (OSError, ValueError, KeyError, TypeError):
+        names = [field.name for field in FIELDS]
+        rows = tuple(
+            TrialRow(**dict(zip(names, row, strict=True))) for row in zip(*columns, strict=True)
+        )
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
-    names = [field.name for field in FIELDS]
-    rows = tuple(
-        TrialRow(**dict(zip(names, values, strict=True))) for values in zip(*columns, strict=True)
-    )
     return TrialIndex(rows=rows, ranked=ranked, summary=(before, after))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import sys
@@ -126,7 +127,8 @@ def _plain_lines(table: Table) -> Iterator[tuple[str, str | None]]:
     ]
     is_right = [column.justify == "right" for column in table.columns]
     styles = [None, *(row.style for row in table.rows)]
-    for cells, style in zip((headings, *zip(*columns, strict=True)), styles, strict=True):
+    rows = zip((headings, *zip(*columns, strict=True)), styles, strict=True)
+    for cells, style in itertools.islice(rows, 0 if table.show_header else 1, None):
         parts = []
         for cell, width, right in zip(cells, widths, is_right, strict=True):
             pad = " " * (width - cell_len(cell))

@@ -33,7 +33,8 @@ class Definitions:
     """The dataclasses that a schema refers to, each once."""
 
     def __init__(self) -> None:
-        self._made: dict[str, tuple[type, Schema]] = {}
+        self._names: dict[type, str] = {}
+        self._made: dict[str, Schema] = {}
 
     def schema_of(self, hint: Any, rule: Rule | None = None) -> Schema:
         """Describe the data from which ``decode`` builds a value.
@@ -90,17 +91,16 @@ class Definitions:
 
     def document(self, root: Schema, *, title: str) -> Schema:
         """Put a schema and what it refers to into one document."""
-        made = {name: schema for name, (_, schema) in sorted(self._made.items())}
+        made = dict(sorted(self._made.items()))
         return {"$schema": DIALECT, "title": title, **root, "$defs": made}
 
     def _reference(self, kind: type) -> Schema:
-        known, _ = self._made.get(kind.__name__, (kind, {}))
-        if known is not kind:
-            raise TypeError(f"two dataclasses of one schema are called {kind.__name__}")
-        if kind.__name__ not in self._made:
-            self._made[kind.__name__] = kind, {}
-            self._made[kind.__name__] = kind, self.object_of(kind)
-        return {"$ref": f"#/$defs/{kind.__name__}"}
+        if kind not in self._names:
+            alike = sum(other.__name__ == kind.__name__ for other in self._names)
+            name = f"{kind.__name__}{alike + 1}" if alike else kind.__name__
+            self._names[kind] = name
+            self._made[name] = self.object_of(kind)
+        return {"$ref": f"#/$defs/{self._names[kind]}"}
 
     def _union(self, options: tuple[Any, ...], rule: Rule | None) -> Schema:
         parts = [option for option in options if option is not type(None)]
@@ -157,10 +157,10 @@ def field_comments(kind: type) -> dict[str, str]:
 def _own_comments(kind: type) -> dict[str, str]:
     try:
         text = textwrap.dedent(inspect.getsource(kind))
-    except (OSError, TypeError):  # no file has it
+        body = typing.cast(ast.ClassDef, ast.parse(text).body[0]).body
+    except (OSError, TypeError, SyntaxError):  # no file has it, or it cannot stand alone
         return {}
     lines = text.splitlines()
-    body = typing.cast(ast.ClassDef, ast.parse(text).body[0]).body
     found = {}
     for item in body:
         if not isinstance(item, ast.AnnAssign) or not isinstance(item.target, ast.Name):

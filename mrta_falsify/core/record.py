@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import (
     Chance,
     Probability,
@@ -254,6 +255,16 @@ class TrialRecord:
         return () if self.result is None else self.result.verdicts
 
     @property
+    def margins(self) -> dict[str, float]:
+        """Normalised margins by specification, see specs.objectives."""
+        return {} if self.result is None else self.result.margins
+
+    @property
+    def coupling(self) -> Coupling | None:
+        """Of a stack in a process of its own to simulated time."""
+        return None if self.result is None else self.result.coupling
+
+    @property
     def signature(self) -> str:
         """Signature of the failure mode, empty if nothing failed."""
         return "" if self.result is None else self.result.signature
@@ -322,7 +333,6 @@ OLD_NAMES = {
     "is_sought": "is_primary",
     "jittered": "vote",
     "repeated": "repeats",
-    "confirmed": "engines",
     "screening": "origin.screening",
     "proposal_digest": "origin.proposal",
     "uniform": "origin.uniform",
@@ -332,8 +342,7 @@ OLD_NAMES = {
     "shut": "origin.shut",
     "notes": "origin.notes",
     "versions": "origin.versions",
-    "objectives": "result.margins",
-    "coupling": "result.coupling",
+    "objectives": "margins",
     "descriptors": "search.descriptors",
     "situations": "search.situations",
     "blamed": "search.blamed",

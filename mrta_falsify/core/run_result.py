@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
+from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import Probability, failure_probability, one_sided_bounds
 from mrta_falsify.core.verdict import Verdict
@@ -63,6 +64,12 @@ class RunResult:
     #: first difference from the trace that the run is compared with
     difference: Difference | None = later(None)
     picture: str = later("")  #: file; empty: none was asked for, or the run does not fail
+
+    def check_stored(self) -> None:
+        """Refuse a rank that contradicts the verdicts."""
+        if (self.rank == "none") == bool(self.violated):
+            what = "is violated" if self.violated else "is not violated"
+            raise InputError(f"rank is {self.rank!r}, but a specification {what}")
 
     @property
     def failed(self) -> bool:

@@ -38,6 +38,10 @@ class SpecProfile:
     #: on them, and only whether one fails counts
     in_votes: Mapping[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if not self.scale > 0.0:
+            raise ConfigError(f"the scale of a specification is {self.scale}; it must be > 0")
+
 
 @functools.lru_cache(maxsize=256)
 def profile_of(spec: str) -> SpecProfile:
@@ -51,8 +55,7 @@ def profile_of(spec: str) -> SpecProfile:
     if spec not in registry.names(POINT):
         return unknown
     try:
-        component = registry.load(POINT, spec)
-    except ConfigError:  # of a package that is broken
+        found = getattr(registry.load(POINT, spec), "profile", None)
+    except Exception:  # whatever a plug-in raises, what is stored can be read without it
         return unknown
-    found: SpecProfile = getattr(component, "profile", unknown)
-    return found
+    return found if isinstance(found, SpecProfile) else unknown

@@ -347,6 +347,7 @@ def run_store(
     if len(campaign.records) >= INDEXED:
         from mrta_falsify.verbs.report.build import index_of  # noqa: PLC0415 - loads slowly
 
+        store.check()  # the index is of the log as it was read
         write_index(store.directory, index_of(campaign))
     return CampaignResult(
         campaign=campaign,

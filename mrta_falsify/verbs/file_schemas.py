@@ -84,7 +84,8 @@ def _stack(known: Definitions) -> Schema:
 
 
 def _names(layer: str) -> list[Schema]:
-    return [{"enum": list(registry.names(layer))}, {"type": "string", "pattern": OWN_NAMES}]
+    known = (*registry.names(layer), *registry.RENAMED.get(layer, {}))
+    return [{"enum": list(known)}, {"type": "string", "pattern": OWN_NAMES}]
 
 
 def _with_options(layer: str, known: Definitions) -> list[Schema]:

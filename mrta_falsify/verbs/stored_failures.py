@@ -196,6 +196,7 @@ def write_reports(
     run: bool = False,
     trust: Trust = False,
     refresh: int = 0,
+    watched_since: float = math.inf,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -212,6 +213,7 @@ def write_reports(
         trust: with ``beside`` or ``run``, run what is not ours, though somebody else has made the
             campaign.
         refresh: after how many seconds an open page loads itself again; 0: never.
+        watched_since: as of :func:`.report.build.write_report`.
 
     Returns:
         The files written, the page first.
@@ -232,7 +234,14 @@ def write_reports(
     if beside:
         firsts = [campaign.record(mode.ids[0]) for mode in campaign.stats().modes]
         keep_neighbours(campaign, firsts, trust)
-    write_report(campaign, page, against=other, cases=cases, refresh=refresh)
+    write_report(
+        campaign,
+        page,
+        against=other,
+        cases=cases,
+        refresh=refresh,
+        watched_since=watched_since,
+    )
     if junit is not None:
         write_atomically(Path(junit), junit_report(campaign).encode())
     if markdown is not None:
@@ -259,13 +268,14 @@ def watch_reports(
     Raises:
         InputError: as of :func:`write_reports`.
     """
-    seen = -1
+    seen, began = -1, time.time_ns()
     while True:
         runs = bool(owner_of(Path(directory)))
         size = log_size(Path(directory))
         if size != seen or not runs:
             refresh = math.ceil(seconds) if runs else 0
-            yield write_reports(directory, output, refresh=refresh, **options)
+            since = began if runs else math.inf  # at the end all are written
+            yield write_reports(directory, output, refresh=refresh, watched_since=since, **options)
             seen = size
         if not runs:
             return

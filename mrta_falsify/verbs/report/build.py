@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import itertools
+import math
 import shlex
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -14,6 +14,7 @@ from urllib.parse import quote
 import numpy as np
 import yaml
 
+from mrta_falsify.campaigns.made_here import refuse_links
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.stats import CampaignStats, FailureMode
 from mrta_falsify.campaigns.store import Campaign
@@ -54,6 +55,7 @@ def write_report(
     against: Campaign | None = None,
     cases: int = MAX_CASES,
     refresh: int = 0,
+    watched_since: float = math.inf,
 ) -> Path:
     """Write the HTML report of a campaign.
 
@@ -64,6 +66,8 @@ def write_report(
         cases: failures to show in full at most; those that the page has no room for, and all
             behind the first hundred, are files in a folder beside it, which the page links.
         refresh: after how many seconds an open page loads itself again; 0: never.
+        watched_since: when a watch of the campaign began [ns since the epoch]; pages of cases that
+            it has written stay, unless files of their trials have changed.
 
     Returns:
         ``path``.
@@ -76,7 +80,7 @@ def write_report(
     report = dataclasses.replace(
         report,
         refresh=refresh,
-        beside=_write_beside(campaign, path, report, set(drawn), cases, is_watched=refresh > 0),
+        beside=_write_beside(campaign, path, report, set(drawn), cases, watched_since),
     )
     write_page(report, path, drawn=drawn)
     return path
@@ -88,8 +92,7 @@ def _write_beside(
     report: ReportContents,
     drawn: Collection[str],
     cases: int,
-    *,
-    is_watched: bool,
+    watched_since: float,
 ) -> dict[str, str]:
     """Write the cases that the page has no room for beside it, one page each.
 
@@ -99,33 +102,44 @@ def _write_beside(
         report: what the page says.
         drawn: ids of the cases on it.
         cases: failures to show in full at most, those on the page included.
-        is_watched: whether pages stay that are newer than the files of their trials.
+        watched_since: pages that were written since then [ns], and after the files of their
+            trials, stay.
 
     Returns:
         Paths from the page, by id of the trial.
     """
+    if path.exists() and not path.is_file():
+        return {}  # a pipe or a terminal has no folder beside it
     folder = path.with_name(path.stem + BESIDE)
+    if path.parent.resolve().is_relative_to(campaign.directory.resolve()):
+        refuse_links(campaign.directory, folder)
     beside: dict[str, str] = {}
-    for record in itertools.islice(in_turn(campaign), cases):
+    lost = 0
+    for record in in_turn(campaign):
+        if len(drawn) + len(beside) >= cases or lost > cases:
+            break
         if record.id in drawn:
             continue
         page = folder / f"trial-{record.id}.html"
-        if not (is_watched and _is_newer(page, campaign.folder(record))):
-            try:
+        try:
+            if not _is_newer(page, campaign.folder(record), watched_since):
                 case = case_of(campaign, record)
-            except InputError:  # the page names the first of them
-                continue
-            make_folder(folder)
-            write_page(_case_page(report, case, path), page)
+                make_folder(folder)
+                write_page(_case_page(report, case, path), page)
+        except InputError:  # its files are damaged; the page names the first such trials
+            lost += 1
+            continue
         beside[record.id] = f"{quote(folder.name)}/{page.name}"
     return beside
 
 
-def _is_newer(page: Path, folder: Path) -> bool:
-    """Whether a page was written after all files of a trial."""
+def _is_newer(page: Path, folder: Path, since: float) -> bool:
+    """Whether a page was written since a moment [ns], and after all files of a trial."""
     with contextlib.suppress(OSError):
         written = page.stat().st_mtime_ns
-        return all(file.stat().st_mtime_ns < written for file in folder.iterdir())
+        return written > since and all(
+            file.stat().st_mtime_ns < written for file in folder.iterdir()
+        )
     return False
 
 
