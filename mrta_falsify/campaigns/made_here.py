@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import itertools
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -32,7 +33,7 @@ OWN = (
 )
 OWN_ENDINGS = (".journal.jsonl", ".part")
 #: version and target that settings had when they were sealed; these may have changed since
-SEALED_AS = ((3, "trials"), (2, "mrta_falsify.worker:open_trials"))
+SEALED_AS = {"version": (3, 2), "target": ("trials", "mrta_falsify.worker:open_trials")}
 CHANGING = ("budget", "time_limit")  #: settings that may change when a campaign is resumed
 
 _followed: set[Path] = set()  # folders whose files may lie elsewhere
@@ -98,7 +99,9 @@ def _sealed_places(directory: Path) -> dict[str, Any] | None:
     try:
         seal, settings = (codec.read_json(directory / name) for name in (SEAL, SETTINGS))
         mac, places = seal["mac"], dict(seal["places"])
-        macs = [_mac(key, {**settings, "version": v, "target": t}, places) for v, t in SEALED_AS]
+        names = {name: (settings.get(name), *others) for name, others in SEALED_AS.items()}
+        forms = [dict(zip(names, form, strict=True)) for form in itertools.product(*names.values())]
+        macs = [_mac(key, {**settings, **form}, places) for form in forms]
         is_ours = any(hmac.compare_digest(str(mac).encode(), own.encode()) for own in macs)
     except (InputError, KeyError, TypeError, ValueError):
         return None

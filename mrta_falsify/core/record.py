@@ -353,7 +353,7 @@ OLD_NAMES = {
 def _versions() -> tuple[tuple[str, str], ...]:
     names = (
         *("mrta-falsify", "scenic", "pybullet", "mujoco"),
-        *("numpy", "scipy", "numba", "osqp", "ompl"),
+        *("numpy", "scipy", "numba", "osqp", "ompl", "ortools"),
     )
     found = {"python": platform.python_version(), "machine": platform.machine()}
     for name in names:

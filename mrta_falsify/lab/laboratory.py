@@ -250,18 +250,23 @@ class Lab(AbstractContextManager["Lab"]):
         """Digest of the code that an experiment runs; None: it is not known."""
         if not self.journal.is_kept:
             return ""
+        own = experiment.stack
         if experiment.transcript is not None:  # its stack is not asked
-            stacks = [dataclasses.replace(experiment.stack, stack=None)]
-        else:
-            stacks = [experiment.stack, *(edit.stack for edit in experiment.edits if edit.stack)]
+            own = dataclasses.replace(own, stack=None)
+        stacks = [own, *(edit.stack for edit in experiment.edits if edit.stack)]
         names = (*(stack.digest() for stack in stacks), *experiment.specs)
         if names not in self._codes:
             self._codes[names] = known_code_digest(stacks, experiment.specs)
         return self._codes[names]
 
     def _keep(self, key: str, experiment: Experiment, result: RunResult) -> None:
-        """Keep a result; on disc only if it may not come out otherwise when it is run again."""
-        if result.status == "error" or self._code_of(experiment) is None:
+        """Keep a result; on disc only if it may not come out otherwise when it is run again.
+
+        A stack that cannot be started may start the next time, and another call may have another
+        time limit.
+        """
+        is_certain = result.status in ("judged", "not_judged")
+        if not is_certain or self._code_of(experiment) is None:
             self._known[key] = result
         else:
             self.journal.keep(key, result)

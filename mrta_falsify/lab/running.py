@@ -31,6 +31,7 @@ from mrta_falsify.lab.experiment import (
     Situation,
 )
 from mrta_falsify.lab.recorded import draw_scene
+from mrta_falsify.process.budget import Budget
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.specs.causes import leading
@@ -134,7 +135,10 @@ def run_group(
     if not forks(first) and not _is_edited(first):
         return [_whole(one, world, on_end, draw) for one in group]
     try:
-        rows = run_supervised(functools.partial(_forked_rows, group, world, on_end))
+        rows = run_supervised(
+            functools.partial(_forked_rows, group, world, on_end),
+            budget=Budget.of_stack(first.limits),
+        )
     except Ending as failed:
         return [RunResult(status="error", detail=str(failed)) for _ in group]
     return [codec.decode(RunResult, row, where="run") for row in rows]

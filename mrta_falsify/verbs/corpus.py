@@ -16,6 +16,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.lab import Experiment, Lab, RunResult, certain, experiment_of_trial
+from mrta_falsify.lab.running import has_place
 from mrta_falsify.specs.causes import kind_of, leading
 from mrta_falsify.verbs.stored_trials import stored_world
 from reports.sentences import violation_sentence
@@ -86,15 +87,13 @@ def recheck(
     )
     rows = []
     with lab:
-        experiments = [
-            one
-            for record in failures
-            for one in _experiments(campaign, record, config, jittered, pictures)
+        wanted = [
+            list(_experiments(campaign, record, config, jittered, pictures)) for record in failures
         ]
-        results = lab.map(experiments)
-        for record in failures:
-            runs = list(itertools.islice(results, 1 + jittered))
-            rows.append(_row(record, certain_or_late(runs[0]), runs[1:], campaign.settings.rules))
+        results = map(certain_or_late, lab.map(itertools.chain.from_iterable(wanted)))
+        for record, experiments in zip(failures, wanted, strict=True):
+            runs = list(itertools.islice(results, len(experiments)))
+            rows.append(_row(record, runs[0], runs[1:], campaign.settings.rules))
             on_done(rows[-1])
     lab.journal.discard()
     return tuple(rows)
@@ -109,7 +108,8 @@ def _experiments(
 ) -> Iterator[Experiment]:
     """Yield the runs of a stored failure: its world, then copies with small differences.
 
-    A changed stack is judged on its own engine, whatever found the failure.
+    Copies that have no place for their robots are left out. A changed stack is judged on its own
+    engine, whatever found the failure.
     """
     trials = campaign.settings.trials
     if config is not None:
@@ -119,11 +119,13 @@ def _experiments(
     for number in range(1 + jittered):
         copy = f".copy{number - 1}" if number else ""
         name = f"{record.id}{copy}.png"
-        yield dataclasses.replace(
+        one = dataclasses.replace(
             own,
             perturbation=number,
             picture=str(pictures.resolve() / name) if pictures is not None else "",
         )
+        if not number or has_place(one):
+            yield one
 
 
 def certain_or_late(result: RunResult) -> RunResult:

@@ -125,7 +125,7 @@ def replay_trial(
             for violations in found
         ),
         same_version=same_version,
-        same_machine=record.origin.versions == versions(),
+        same_machine=_is_same_machine(record),
         difference=differences[0] if differences else None,
     )
 
@@ -149,6 +149,12 @@ def _experiment(campaign: Campaign, record: TrialRecord, *, live: bool) -> Exper
         if trace.is_file()
         else None,
     )
+
+
+def _is_same_machine(record: TrialRecord) -> bool:
+    """Whether all versions that a record tells, and the machine type, are those of today."""
+    recorded = record.origin.versions
+    return bool(recorded) and recorded.items() <= versions().items()
 
 
 def _is_same_version(campaign: Campaign, record: TrialRecord) -> bool:

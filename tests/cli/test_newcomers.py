@@ -1,7 +1,5 @@
 """What somebody meets who uses the command line for the first time, or an old campaign."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import shutil
@@ -17,7 +15,7 @@ from mrta_falsify.cli import campaign_output, compare_command, output
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.run_result import Vote
+from mrta_falsify.core.run_result import RunResult, Vote
 from mrta_falsify.testing.records import trial_record
 from mrta_falsify.verbs import doctor
 from mrta_falsify.verbs.campaign import run_store
@@ -102,16 +100,14 @@ def test_a_replay_of_another_versions_trial_compares_verdicts(cli, tmp_path, mon
     # On a version whose digests differ, verdicts decide.
     from mrta_falsify.verbs import replay as replaying
 
-    def elsewhere(*args):
+    def elsewhere(lab, experiments):
         verdicts = record.verdicts if len(seen) == 0 else ()
         seen.append(1)
-        trace = dataclasses.replace(mf.read_trace(stored), digest="0" * 64)
-        outcome = type("Outcome", (), {"trace": trace})()
-        return type("Judged", (), {"outcome": outcome, "verdicts": verdicts, "failed": True})()
+        for _ in experiments:
+            yield RunResult(status="judged", verdicts=verdicts, trace="0" * 64)
 
     seen: list[int] = []
-    stored = next((tmp_path / "stalls").glob("trials/*/trace.zip"))
-    monkeypatch.setattr(replaying, "rerun", elsewhere)
+    monkeypatch.setattr(replaying.Lab, "map", elsewhere)
     same = replay(tmp_path / "stalls", 4)
     assert (same.identical, same.agrees) == (False, True)
     assert not replay(tmp_path / "stalls", 4).agrees

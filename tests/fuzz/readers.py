@@ -60,7 +60,7 @@ ROOTS: tuple[type, ...] = (
         PerturbedRuns,
         trace._Table,
         transcript._Head,
-        mrta_sim._Testcase,
+        mrta_sim.TaskFile,
         mrta_sim._Setup,
     ),
     *(mrta_sim._Route, nav2._Description),

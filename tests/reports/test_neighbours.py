@@ -82,7 +82,7 @@ def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(
     elsewhere = dataclasses.replace(campaign, directory=tmp_path)
     near = elsewhere.records[3]
     monkeypatch.setattr(made_again, "stored_world", lambda *_: world)
-    monkeypatch.setattr(made_again, "rerun", lambda *_: judged)
+    monkeypatch.setattr(made_again.Lab, "judge", lambda *_: judged)
     other = changed(near, trace="0" * 64)
     with pytest.raises(InputError, match="runs differently now"):
         made_again.keep_run(elsewhere, other)
@@ -106,7 +106,7 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
     assert ranking.mattering == (0,)
     first, second = parameter_importances(many, records, ranking)
     assert (first.name, second.name) == ("bed.x", "people")
-    assert first.parts[-1].high == pytest.approx(max(r.values[0] for r in records))
+    assert first.parts[-1].high == pytest.approx(max(r.origin.values[0] for r in records))
     table = trial_table(many, many.stats().modes, [1, 0])
     assert table.parameters == ("people", "bed.x")
     assert table.rows[0].values == (None, records[0].origin.values[0])

@@ -33,8 +33,9 @@ def open_trials(settings: TrialSettings) -> Callable[[dict[str, Any]], dict[str,
     def trial(job: dict[str, Any]) -> dict[str, Any]:
         record = judge(job)
         assert files is not None
-        record["trace_file"] = files.write(world, outcome, job["number"])
-        record["trace_digest"] = outcome.trace.digest
+        if "result" in record:
+            record["result"]["trace_file"] = files.write(world, outcome, job["number"])
+            record["result"]["trace"] = outcome.trace.digest
         return record
 
     return trial

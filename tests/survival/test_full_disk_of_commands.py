@@ -162,8 +162,8 @@ def test_a_command_whose_campaign_is_removed_does_not_make_it_anew(folder, monke
         shutil.rmtree(folder / "c")
         return judge(*args, **more)
 
-    judge = replay.rerun
-    monkeypatch.setattr(replay, "rerun", gone)
+    judge = replay.Lab.map
+    monkeypatch.setattr(replay.Lab, "map", gone)
     result = called(folder, monkeypatch, QUICK["replay"])
     assert result.exit_code == 2, result.stderr
     assert not (folder / "c").exists()

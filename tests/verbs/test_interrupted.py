@@ -17,6 +17,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.lab import laboratory
+from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import on_kinematic_engine
 from mrta_falsify.verbs import campaign as campaigns
 from mrta_falsify.verbs import corpus
@@ -247,7 +248,7 @@ def test_a_record_of_an_interrupted_run_by_an_older_version_is_run_again(tmp_pat
         run_store(store, Limits(budget=3), Choice("serial"))
         whole = store.finished[1]
     with Store.create(tmp_path / "old", settings()) as store:
-        store.add(dataclasses.replace(whole, ended="interrupted"))
+        store.add(changed(whole, ended="interrupted"))
     assert read_campaign(tmp_path / "old").records == ()
     with Store.resume(tmp_path / "old") as store:
         result = run_store(store, Limits(budget=3), Choice("serial"))

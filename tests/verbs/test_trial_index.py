@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from mrta_falsify.campaigns import trial_index
+from mrta_falsify.campaigns import made_here, trial_index
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, read_campaign, read_trial
 from mrta_falsify.campaigns.trial_index import INDEX, read_index, rows_data, write_index
@@ -28,6 +28,7 @@ RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
 def directory(tmp_path):
     """A campaign with explained failures, and its index."""
     place = Path(shutil.copytree(RECORDED / "beds", tmp_path / "c"))
+    made_here.write_seal(place, {})
     write_index(place, index_of(read_campaign(place)))
     explained = place / "trials" / "0003" / "explain.json"
     explained.write_text(json.dumps(json.loads(explained.read_text()) | {"layer": "planner"}))
@@ -58,11 +59,13 @@ def test_a_list_from_the_index_is_that_from_the_log(directory, monkeypatch):
     assert json.dumps(rows_data(rows)) == json.dumps(codec.encode(rows))
 
 
-@pytest.mark.parametrize("change", ["log", "settings", "index", "kind", "link"])
+@pytest.mark.parametrize("change", ["log", "settings", "index", "kind", "link", "seal"])
 def test_an_index_of_anything_else_is_not_believed(directory, change):
     assert read_index(directory) is not None
     log, own = directory / RECORDS, directory / INDEX
-    if change == "log":  # of the same length
+    if change == "seal":  # somebody else has made it
+        (directory / made_here.SEAL).unlink()
+    elif change == "log":  # of the same length
         log.write_bytes(log.read_bytes().replace(b"0.67", b"0.68", 1))
     elif change == "settings":
         path = directory / SETTINGS

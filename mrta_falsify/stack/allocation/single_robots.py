@@ -98,9 +98,11 @@ class SingleRobots:
     def alone(self) -> BoolArray:
         """Whether each robot can serve each task in time if it serves no other, ``(n, m)``."""
         jobs, starts = self._jobs, self._starts
+        # Summed as the route search does: else the last bit could make a plan of its impossible.
         picked = np.maximum(starts.time[:, None], jobs.release)
-        picked += self._travel[np.ix_(starts.room, jobs.start)] + jobs.load
-        able = picked + self._travel[jobs.start, jobs.end] + jobs.unload <= jobs.due
+        picked = picked + self._travel[np.ix_(starts.room, jobs.start)]
+        picked = picked + jobs.load
+        able = (picked + self._travel[jobs.start, jobs.end]) + jobs.unload <= jobs.due
         able &= starts.capacity[:, None] > 0
         for r in range(self.n):
             for k in range(self.m):
