@@ -24,7 +24,8 @@ class Case:
     trace: Trace  #: of the run
     failure: Failure  #: as runs with small differences are asked about it
     guess: str  #: the layer that the trace alone points to
-    onset: float  #: shortly before it [s]; 0 where what cost the time may be anywhere
+    #: a moment shortly before the onset [s]; 0 where what cost the time may be anywhere
+    before_onset: float
     at: float  #: when a layer is exchanged first [s]: that, or 0 where the stack is one whole
     changes: tuple[Change, ...]  #: of layers that may be exchanged
     rewinds: int  #: runs beside the others that tell when the failure was decided

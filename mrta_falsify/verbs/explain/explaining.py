@@ -180,7 +180,7 @@ def _case_of(job: Job, max_runs: int, rewinds: int, lab: Lab) -> Case:
     trace = judged.outcome.trace
     guess = suspect(job.config, judged.verdicts, trace)
     failure = failure_of(job, *_alone(own, verdict, judged, lab))
-    onset = moment_of_change(failure.verdict)
+    before = moment_of_change(failure.verdict)
     return Case(
         job=job,
         own=own,
@@ -188,8 +188,8 @@ def _case_of(job: Job, max_runs: int, rewinds: int, lab: Lab) -> Case:
         trace=trace,
         failure=failure,
         guess=guess,
-        onset=onset,
-        at=onset if job.config.stack is None else 0.0,
+        before_onset=before,
+        at=before if job.config.stack is None else 0.0,
         changes=() if guess == WORLD else changes_of(job.config)[: max(1, max_runs // RUNS - 1)],
         rewinds=rewinds,
         lab=lab,

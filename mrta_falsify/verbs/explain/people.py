@@ -24,7 +24,7 @@ class People:
 
     def ask(self, case: Case, found: Explanation, runs: int) -> Explanation:
         """See :class:`.case.Question`."""
-        moments = (0.0, case.onset) if case.onset > 0.0 else (0.0,)
+        moments = (0.0, case.before_onset) if case.before_onset > 0.0 else (0.0,)
         copies = min(RUNS, max(1, runs // len(moments)))
         told = []
         for at in moments:
