@@ -150,3 +150,21 @@ def test_a_repetition_is_run_again(scripted, experiment):
     results = lab.map(dataclasses.replace(experiment, repeat=number) for number in (0, 1, 1))
     assert len(list(results)) == 3
     assert len(groups) == 2
+
+
+@pytest.mark.parametrize("status", ["impossible", "timeout", "error"])
+def test_what_was_not_judged_is_run_again_by_the_next_call(
+    monkeypatch, experiment, tmp_path, status
+):
+    """A stack may start the next time, and the next call may have another time limit."""
+    statuses = [status, "judged"]
+
+    def run_group(group, draw=None):
+        return [RunResult(status=statuses.pop(0)) for _ in group]
+
+    monkeypatch.setattr(laboratory, "run_group", run_group)
+    path = tmp_path / "journal.jsonl"
+    assert Lab(path).run(experiment).status == status
+    assert Lab(path).run(experiment).status == "judged"
+    assert Lab(path).run(experiment).status == "judged"
+    assert statuses == []

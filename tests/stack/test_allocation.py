@@ -446,3 +446,16 @@ def test_every_instance_of_smrta_is_solved_and_verified():
             assert outcome.faults == (), path
             assert outcome.answer.status == "plan", path
     assert json.loads((SMRTA / "travel_time_65_rooms.json").read_text())["units"] == "s"
+
+
+def test_a_task_that_is_served_at_its_deadline_to_the_last_bit_is_not_proved_impossible():
+    due = (0.3 + 0.2) + 0.1  # in another order the sum is larger
+    asked = AllocationProblem(
+        now=0.3,
+        robots=(RobotPlan(robot=0, room=0, free_at=0.3, onboard=(), capacity=1),),
+        tasks=(task(0, 1, 2, due, pickup_time=0.1), task(1, 1, 2, due + 1e-3, pickup_time=0.1)),
+        travel_times=np.array([[0.0, 0.2, 0.2], [0.2, 0.0, 0.0], [0.2, 0.0, 0.0]]),
+    )
+    alone = dataclasses.replace(asked, tasks=asked.tasks[:1])
+    assert Exact(ExactOptions()).allocate(alone).status == "plan"
+    assert Exact(ExactOptions()).allocate(asked).infeasible.core == (0, 1)
