@@ -23,7 +23,8 @@ from collections.abc import Mapping, Sequence
 from types import FrameType
 from typing import Any, NamedTuple, NoReturn
 
-from mrta_falsify.process.child import fork, send
+from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.process.child import Child, fork, send
 from mrta_falsify.process.parent import end_with
 from mrta_falsify.process.usage import ENDED, children_of, descendants, read_process
 
@@ -71,13 +72,19 @@ class Program:
         self._ours, theirs = socket.socketpair()
         self._ours.settimeout(PATIENCE)
         self._owner = os.getpid()
-        keeper = fork(on_parents_end=signal.SIGTERM)
-        if keeper is None:
-            _keep(theirs, command)
-        self._keeper = keeper
-        self.number = keeper.number  #: of the process that has started the program
-        theirs.close()
         self._begun: dict[str, Any] | None = None
+        self._keeper: Child | None = None  # until it is forked
+        try:
+            with signals_held():  # Ctrl-C finds the keeper owned
+                self._keeper = keeper = fork(on_parents_end=signal.SIGTERM)
+                if keeper is None:
+                    _keep(theirs, command)
+                self.number = keeper.number  #: of the process that has started the program
+            theirs.close()
+        except BaseException:
+            theirs.close()
+            self.close()  # nobody else knows of it yet
+            raise
 
     def error(self) -> str:
         """Wait until the program has begun; why it could not, empty: it could."""
@@ -110,8 +117,9 @@ class Program:
         with contextlib.suppress(OSError):  # the keeper has been killed
             self._ours.shutdown(socket.SHUT_RDWR)  # copies of this process may hold it open
         self._ours.close()
-        self._keeper.code(wait=True)
-        self._keeper.kill()  # what it may have left if it was killed itself
+        if self._keeper is not None:
+            self._keeper.code(wait=True)
+            self._keeper.kill()  # what it may have left if it was killed itself
 
     def _beginning(self) -> dict[str, Any]:
         if self._begun is None:

@@ -162,6 +162,38 @@ time.sleep(600)
                 process.kill()
 
 
+def pause():
+    current_watch().enter(0, 0.0)
+    signal.pause()
+
+
+def copies_of_here():
+    return [
+        child for child in psutil.Process().children() if child.status() != psutil.STATUS_ZOMBIE
+    ]
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [lambda: run_supervised(pause), lambda: Program(python("import time; time.sleep(600)"))],
+)
+def test_ctrl_c_during_a_fork_leaves_no_copy(monkeypatch, begin):
+    """The signal comes before the copy is known to anybody."""
+    copy = os.fork
+
+    def interrupted():
+        number = copy()
+        if number:
+            os.kill(os.getpid(), signal.SIGINT)
+        return number
+
+    before = copies_of_here()
+    monkeypatch.setattr(os, "fork", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        begin()
+    assert copies_of_here() == before
+
+
 # --- the budget of a pool ----------------------------------------------------------------------
 
 
