@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import functools
 import itertools
 import json
 import os
@@ -36,7 +35,6 @@ from mrta_falsify.process.ending import (
     Returned,
     name_of_ending,
     opened,
-    outcome_of,
 )
 from mrta_falsify.process.usage import ProcessClock
 
@@ -393,7 +391,10 @@ def serve(descriptor: int, stderr: int) -> None:
     on_credit(lambda: _send_bytes(link, ForkingPickler.dumps("credit")))
     while True:
         job = received()
-        outcome = outcome_of(functools.partial(run, job))
+        try:  # a KeyboardInterrupt is no Ctrl-C here: it ends this worker, and nothing else
+            outcome: Outcome = Returned(run(job))
+        except Exception as error:
+            outcome = Raised.by(error)
         sys.stdout.flush()
         try:
             body = ForkingPickler.dumps(outcome)

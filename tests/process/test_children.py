@@ -194,6 +194,28 @@ def test_ctrl_c_during_a_fork_leaves_no_copy(monkeypatch, begin):
     assert copies_of_here() == before
 
 
+def interrupting():
+    return interrupt
+
+
+def interrupt(job):
+    if job == "interrupt":
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(SOON)
+    return job
+
+
+def test_an_interrupt_in_a_worker_costs_its_job_only():
+    with Pool(interrupting) as pool:
+        found = {}
+        for key in ("interrupt", "go on"):
+            pool.submit(key, key)
+        while len(found) < 2:
+            found |= {done.key: done.outcome for done in pool.collect(0.05)}
+    assert found["interrupt"].text == "ended by signal 2"
+    assert found["go on"].value == "go on"
+
+
 # --- the budget of a pool ----------------------------------------------------------------------
 
 
