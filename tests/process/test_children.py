@@ -19,7 +19,7 @@ from mrta_falsify.process.budget import Budget, credit
 from mrta_falsify.process.child import fork
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import Pool
-from mrta_falsify.process.program import Command, Program
+from mrta_falsify.process.program import Command, Program, _Keeper
 from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.process.watch import current_watch
 
@@ -214,6 +214,35 @@ def test_an_interrupt_in_a_worker_costs_its_job_only():
             found |= {done.key: done.outcome for done in pool.collect(0.05)}
     assert found["interrupt"].text == "ended by signal 2"
     assert found["go on"].value == "go on"
+
+
+def test_a_keeper_that_answers_late_has_not_ended(monkeypatch):
+    monkeypatch.setattr("mrta_falsify.process.program.PATIENCE", 0.01)
+    answer = _Keeper._answer
+
+    def late(keeper, question, output):
+        time.sleep(0.1)
+        answer(keeper, question, output)
+
+    monkeypatch.setattr(_Keeper, "_answer", late)
+    program = Program(python("import time; time.sleep(600)"))
+    try:
+        assert not program.has_ended()
+        assert program.state().code is None
+    finally:
+        program.close()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one():
+    program = Program(python("import time; time.sleep(600)"))
+    try:
+        program._ours.sendall(b"begun 0\n")  # nobody waits for its answer
+        assert program.state().code is None
+        program.ask_to_end()
+        assert ends(program.kept()[0])
+        assert program.state().code == -signal.SIGTERM
+    finally:
+        program.close()
 
 
 # --- the budget of a pool ----------------------------------------------------------------------
