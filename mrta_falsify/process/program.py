@@ -160,32 +160,27 @@ class Program:
 # --- in the keeper's process -----------------------------------------------------------------
 
 
-class _OwnerEnded(BaseException):
-    """The owner of this keeper has ended."""
-
-
 def _keep(control: socket.socket, command: Command) -> NoReturn:
+    def hang_up(number: int, frame: FrameType | None) -> None:
+        with contextlib.suppress(OSError):
+            control.shutdown(socket.SHUT_RDWR)  # `serve` ends as if the owner had closed it
+
     try:
-        signal.signal(signal.SIGTERM, _on_owners_end)
+        signal.signal(signal.SIGTERM, hang_up)  # the owner has ended
         _close_all_but(control.fileno(), *([command.link.fileno()] if command.link else []))
         if _libc is not None:
             _libc.prctl(CHILD_SUBREAPER, 1)
         keeper = _Keeper(control)
         try:
             keeper.start(command)
-            keeper.serve()
-        except _OwnerEnded:
-            pass
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        keeper.end_all()
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the owner is gone
+                keeper.serve()
+        finally:
+            keeper.end_all()
     except Exception:
         traceback.print_exc()
     finally:
         os._exit(0)
-
-
-def _on_owners_end(number: int, frame: FrameType | None) -> NoReturn:
-    raise _OwnerEnded
 
 
 class _Keeper:

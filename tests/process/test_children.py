@@ -6,6 +6,7 @@ import contextlib
 import functools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -243,6 +244,42 @@ def test_a_late_answer_is_not_taken_for_the_next_one():
         assert program.state().code == -signal.SIGTERM
     finally:
         program.close()
+
+
+def test_a_keeper_whose_owner_is_gone_before_its_answer_ends_all_in_silence(monkeypatch, capfd):
+    answer = _Keeper._answer
+
+    def late(keeper, question, output):
+        time.sleep(0.3)
+        answer(keeper, question, output)
+
+    monkeypatch.setattr(_Keeper, "_answer", late)
+    program = Program(python("import time; time.sleep(600)"))
+    until = time.monotonic() + SOON
+    while not (kept := program.kept()):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    program._ours.sendall(b"begun 0\n")
+    program.close()
+    assert ends(kept[0])
+    assert capfd.readouterr().err == ""
+
+
+def test_a_keeper_that_is_told_to_end_while_it_ends_kills_all(monkeypatch):
+    end_all = _Keeper.end_all
+
+    def told_again(keeper):
+        os.kill(os.getpid(), signal.SIGTERM)
+        end_all(keeper)
+
+    monkeypatch.setattr(_Keeper, "end_all", told_again)
+    program = Program(python("import time; time.sleep(600)"))
+    assert program.error() == ""
+    (kept,) = program.kept()
+    program._ours.shutdown(socket.SHUT_RDWR)
+    assert program._keeper.code(wait=True) == 0
+    assert not psutil.pid_exists(kept)
+    program.close()
 
 
 # --- the budget of a pool ----------------------------------------------------------------------
