@@ -129,11 +129,6 @@ class Pool(contextlib.AbstractContextManager["Pool"]):
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    def start(self) -> None:
-        """Start all workers before there is work for them."""
-        while len(self.workers) < self._most:
-            self._start()
-
     def submit(self, key: Any, job: Any) -> None:
         """Take a job."""
         self._waiting.append((key, job))

@@ -312,6 +312,15 @@ def test_credit_begins_a_budget_again():
     assert found["late"].text == "killed after 0.6 s of work and sleep"
 
 
+def test_a_pool_starts_no_more_workers_than_there_are_jobs():
+    with Pool(sleeper, workers=3) as pool:
+        assert len(pool.workers) == 0
+        pool.submit("a", [])
+        assert len(pool.workers) == 1
+        pool.submit("b", [])
+        assert len(pool.workers) == 2
+
+
 def test_results_come_in_the_order_of_the_jobs():
     with Pool(sleeper, workers=2) as pool:
         jobs = [[0.3], [], [0.01, 0.01]]
