@@ -133,7 +133,7 @@ class ProcessExecutor:
         return self._pool
 
     def open(self, settings: CampaignSettings) -> None:
-        """Start the workers."""
+        """Make ready; each worker starts when there is work for it."""
         self._pool = Pool(
             functools.partial(_open_worker, settings),
             workers=self._options.workers,
@@ -141,7 +141,6 @@ class ProcessExecutor:
             recycle=self._options.recycle,
             is_quiet=True,
         )
-        self._pool.start()
 
     def submit(self, job: Job) -> None:
         """Take a job."""

@@ -94,6 +94,9 @@ def send(number: int, which: int) -> None:
 def fork(on_parents_end: int = signal.SIGKILL) -> Child | None:
     """Copy this process.
 
+    A caller that holds the copy until it is ended holds signals back (``signals_held``) until it
+    has noted it; else Ctrl-C during the fork leaves a copy that nobody owns.
+
     Args:
         on_parents_end: signal that the copy is sent when this process ends.
 

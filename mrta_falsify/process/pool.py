@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import functools
 import itertools
 import json
 import os
@@ -36,7 +35,6 @@ from mrta_falsify.process.ending import (
     Returned,
     name_of_ending,
     opened,
-    outcome_of,
 )
 from mrta_falsify.process.usage import ProcessClock
 
@@ -130,11 +128,6 @@ class Pool(contextlib.AbstractContextManager["Pool"]):
 
     def __exit__(self, *error: object) -> None:
         self.close()
-
-    def start(self) -> None:
-        """Start all workers before there is work for them."""
-        while len(self.workers) < self._most:
-            self._start()
 
     def submit(self, key: Any, job: Any) -> None:
         """Take a job."""
@@ -393,7 +386,10 @@ def serve(descriptor: int, stderr: int) -> None:
     on_credit(lambda: _send_bytes(link, ForkingPickler.dumps("credit")))
     while True:
         job = received()
-        outcome = outcome_of(functools.partial(run, job))
+        try:  # a KeyboardInterrupt is no Ctrl-C here: it ends this worker, and nothing else
+            outcome: Outcome = Returned(run(job))
+        except Exception as error:
+            outcome = Raised.by(error)
         sys.stdout.flush()
         try:
             body = ForkingPickler.dumps(outcome)

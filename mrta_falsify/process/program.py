@@ -23,15 +23,16 @@ from collections.abc import Mapping, Sequence
 from types import FrameType
 from typing import Any, NamedTuple, NoReturn
 
-from mrta_falsify.process.child import fork, send
+from mrta_falsify.core.interruption import signals_held
+from mrta_falsify.process.child import Child, fork, send
 from mrta_falsify.process.parent import end_with
-from mrta_falsify.process.usage import ENDED, children_of, descendants, read_process
+from mrta_falsify.process.usage import ENDED, STOPPED, children_of, descendants, read_process
 
 CHILD_SUBREAPER = 36  # of prctl(2), Linux
 TAIL = 1 << 14  # bytes of output that are kept
 LAST_LINES = 8  # of them
 LONGEST_LINE = 300  # characters
-PATIENCE = 5.0  # s that the keeper has for an answer
+PATIENCE = 5.0  # s without an answer after which the owner looks whether the keeper lives
 GRACE = 0.2  # s between bye and the end by force
 AT_MOST = 60.0  # s in which what was killed ends, on however busy a machine
 
@@ -71,13 +72,21 @@ class Program:
         self._ours, theirs = socket.socketpair()
         self._ours.settimeout(PATIENCE)
         self._owner = os.getpid()
-        keeper = fork(on_parents_end=signal.SIGTERM)
-        if keeper is None:
-            _keep(theirs, command)
-        self._keeper = keeper
-        self.number = keeper.number  #: of the process that has started the program
-        theirs.close()
-        self._begun: dict[str, Any] | None = None
+        self._begun: dict[str, Any] = {}  # what the keeper has said of the start
+        self._asked = 0  # questions so far
+        self._heard = b""  # of answers, not yet read
+        self._keeper: Child | None = None  # until it is forked
+        try:
+            with signals_held():  # Ctrl-C finds the keeper owned
+                self._keeper = keeper = fork(on_parents_end=signal.SIGTERM)
+                if keeper is None:
+                    _keep(theirs, command)
+                self.number = keeper.number  #: of the process that has started the program
+            theirs.close()
+        except BaseException:
+            theirs.close()
+            self.close()  # nobody else knows of it yet
+            raise
 
     def error(self) -> str:
         """Wait until the program has begun; why it could not, empty: it could."""
@@ -110,58 +119,68 @@ class Program:
         with contextlib.suppress(OSError):  # the keeper has been killed
             self._ours.shutdown(socket.SHUT_RDWR)  # copies of this process may hold it open
         self._ours.close()
-        self._keeper.code(wait=True)
-        self._keeper.kill()  # what it may have left if it was killed itself
+        if self._keeper is not None:
+            self._keeper.code(wait=True)
+            self._keeper.kill()  # what it may have left if it was killed itself
 
     def _beginning(self) -> dict[str, Any]:
-        if self._begun is None:
+        if not self._begun:
             self._begun = self._ask("begun")
         return self._begun
 
     def _ask(self, question: str) -> dict[str, Any]:
+        """Ask the keeper, however slow it is; empty: somebody has killed or stopped it."""
+        self._asked += 1
+        question = f"{question} {self._asked}"
         try:
             self._ours.sendall(question.encode() + b"\n")
-            answer = b""
-            while not answer.endswith(b"\n"):
-                part = self._ours.recv(1 << 16)
-                if not part:
-                    return {}
-                answer += part
-            found: dict[str, Any] = json.loads(answer)
+            while True:
+                answer: dict[str, Any] = json.loads(self._line())
+                if answer["question"] == question:  # not one that came too late
+                    return answer
         except OSError:
-            return {}  # somebody has killed the keeper
-        return found
+            return {}
+
+    def _line(self) -> bytes:
+        while b"\n" not in self._heard:
+            try:
+                part = self._ours.recv(1 << 16)
+            except TimeoutError:
+                keeper = read_process(self.number)
+                if keeper is None or keeper.state in ENDED + STOPPED:
+                    raise
+                continue
+            if not part:
+                raise ConnectionResetError
+            self._heard += part
+        line, _, self._heard = self._heard.partition(b"\n")
+        return line
 
 
 # --- in the keeper's process -----------------------------------------------------------------
 
 
-class _OwnerEnded(BaseException):
-    """The owner of this keeper has ended."""
-
-
 def _keep(control: socket.socket, command: Command) -> NoReturn:
+    def hang_up(number: int, frame: FrameType | None) -> None:
+        with contextlib.suppress(OSError):
+            control.shutdown(socket.SHUT_RDWR)  # `serve` ends as if the owner had closed it
+
     try:
-        signal.signal(signal.SIGTERM, _on_owners_end)
+        signal.signal(signal.SIGTERM, hang_up)  # the owner has ended
         _close_all_but(control.fileno(), *([command.link.fileno()] if command.link else []))
         if _libc is not None:
             _libc.prctl(CHILD_SUBREAPER, 1)
         keeper = _Keeper(control)
         try:
             keeper.start(command)
-            keeper.serve()
-        except _OwnerEnded:
-            pass
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        keeper.end_all()
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # the owner is gone
+                keeper.serve()
+        finally:
+            keeper.end_all()
     except Exception:
         traceback.print_exc()
     finally:
         os._exit(0)
-
-
-def _on_owners_end(number: int, frame: FrameType | None) -> NoReturn:
-    raise _OwnerEnded
 
 
 class _Keeper:
@@ -194,7 +213,7 @@ class _Keeper:
     def serve(self) -> None:
         """Answer the owner until it is gone."""
         output = self._program.stdout if self._program and self._program.stdout else None
-        question = b""
+        rest = b""
         while True:
             watched: list[Any] = [self._control] if output is None else [self._control, output]
             ready, _, _ = select.select(watched, [], [])
@@ -207,16 +226,15 @@ class _Keeper:
                 part = self._control.recv(1 << 10)
                 if not part:
                     break
-                question += part
-                if question.endswith(b"\n"):
-                    self._answer(question.decode().strip(), output)
-                    question = b""
+                *questions, rest = (rest + part).split(b"\n")
+                for question in questions:
+                    self._answer(question.decode(), output)
 
     def _answer(self, question: str, output: Any) -> None:
-        answer: dict[str, Any] = {"error": self._error}
+        answer: dict[str, Any] = {"question": question, "error": self._error}
         if self._program is not None:
             answer["program"] = self._program.pid
-        if question == "state" and self._program is not None:
+        if question.startswith("state") and self._program is not None:
             code = self._program.poll()
             if code is not None and output is not None:
                 self._drain(output)

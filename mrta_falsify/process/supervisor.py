@@ -21,6 +21,7 @@ from multiprocessing.connection import Connection, Pipe
 from typing import Any, Literal, NamedTuple, NoReturn
 
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
+from mrta_falsify.core.interruption import signals_held
 from mrta_falsify.core.stack_failure import GIB, FailureKind, StackFailed, StackFailure
 from mrta_falsify.process.budget import Budget
 from mrta_falsify.process.child import Child, fork, send
@@ -225,10 +226,10 @@ class Supervisor:
         os.close(self._dump)
 
     def _begin(self, request: Request) -> None:
-        child = fork()
-        if child is None:
-            self._serve(self._theirs, request)
-        self._child = child
+        with signals_held():  # Ctrl-C finds the fork owned, so `close` kills it
+            self._child = fork()
+            if self._child is None:
+                self._serve(self._theirs, request)
         self._theirs.close()
 
     # --- ends -----------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import importlib
 import importlib.metadata
 import importlib.util
 import os
+import re
 import shutil
 import sys
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from typing import Literal
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import default_engine
-from mrta_falsify.core.errors import MrtaFalsifyError
+from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
+from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.program import Command
 from mrta_falsify.process.supervisor import run_supervised
 
@@ -71,7 +73,7 @@ _SELF_TEST = """
 import dataclasses
 import mrta_falsify as mf
 world = dataclasses.replace(mf.find_world("aws_hospital_day", seed=1), horizon=10.0)
-print(mf.run(world, keep_trace=False).trace.digest)
+print("digest:", mf.run(world, keep_trace=False).trace.digest)
 """
 
 
@@ -191,17 +193,29 @@ def _check_browser() -> HealthCheck:
     return HealthCheck("chromium", "missing", "only the tests that open report pages need it")
 
 
+def _failed_self_test(why: str) -> HealthCheck:
+    return HealthCheck("determinism", "failed", f"the self-test did not run: {why}")
+
+
 def _check_determinism() -> HealthCheck:
     """Run the same ten seconds in two processes with different hash seeds."""
     digests = []
     for hash_seed in ("1", "2"):
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         command = Command([sys.executable, "-P", "-c", _SELF_TEST], environment)
-        done = run_supervised(command, "exec")
+        try:
+            done = run_supervised(command, "exec")
+        except HarnessError as error:
+            return _failed_self_test(str(error))
+        except Ending as error:
+            return _failed_self_test(error.of("self-test"))
         lines = done.text.strip().splitlines() or ["no message"]
         if done.code != 0:
-            return HealthCheck("determinism", "failed", f"the self-test did not run: {lines[-1]}")
-        digests.append(lines[-1])
+            return _failed_self_test(lines[-1])
+        found = re.search("digest: ([0-9a-f]+)", done.text)  # stderr is in the text, too
+        if found is None:
+            return _failed_self_test("it printed no trace digest")
+        digests.append(found[1])
     if digests[0] != digests[1]:
         return HealthCheck(
             "determinism", "failed", f"trace digests differ: {' and '.join(digests)}"

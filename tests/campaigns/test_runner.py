@@ -152,17 +152,25 @@ def test_the_same_end_three_times_in_a_row_ends_the_campaign_with_its_last_words
     assert str(ended.value).endswith(words)
 
 
-def test_workers_that_are_all_killed_at_their_start_are_started_again(tmp_path):
+def test_workers_that_are_all_killed_at_their_start_are_started_again(tmp_path, monkeypatch):
+    killed = []
+
+    def submit(job):
+        executor.pool.submit(job["number"], job)
+        if len(killed) < 4:
+            killed.append(executor.pool.workers[-1].child.number)
+            os.kill(killed[-1], signal.SIGKILL)
+
     with Store.create(tmp_path, settings()) as store:
         executor = ProcessExecutor(ProcessExecutor.Options(workers=4))
+        monkeypatch.setattr(executor, "submit", submit)
         try:
             executor.open(store.settings)
-            for worker in executor.pool.workers:
-                os.kill(worker.child.number, signal.SIGKILL)
             progress, ended = run_campaign(store, Limits(budget=8), executor)
         finally:
             executor.close()
     assert (progress.ran, ended) == (8, "budget")
+    assert len(set(killed)) == 4
 
 
 def test_what_a_worker_says_at_its_start_is_heard_once_it_is_ready(tmp_path, capfd):

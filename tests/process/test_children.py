@@ -6,6 +6,7 @@ import contextlib
 import functools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -19,7 +20,7 @@ from mrta_falsify.process.budget import Budget, credit
 from mrta_falsify.process.child import fork
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import Pool
-from mrta_falsify.process.program import Command, Program
+from mrta_falsify.process.program import Command, Program, _Keeper
 from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.process.watch import current_watch
 
@@ -162,6 +163,125 @@ time.sleep(600)
                 process.kill()
 
 
+def pause():
+    current_watch().enter(0, 0.0)
+    signal.pause()
+
+
+def copies_of_here():
+    return [
+        child for child in psutil.Process().children() if child.status() != psutil.STATUS_ZOMBIE
+    ]
+
+
+@pytest.mark.parametrize(
+    "begin",
+    [lambda: run_supervised(pause), lambda: Program(python("import time; time.sleep(600)"))],
+)
+def test_ctrl_c_during_a_fork_leaves_no_copy(monkeypatch, begin):
+    """The signal comes before the copy is known to anybody."""
+    copy = os.fork
+
+    def interrupted():
+        number = copy()
+        if number:
+            os.kill(os.getpid(), signal.SIGINT)
+        return number
+
+    before = copies_of_here()
+    monkeypatch.setattr(os, "fork", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        begin()
+    assert copies_of_here() == before
+
+
+def interrupting():
+    return interrupt
+
+
+def interrupt(job):
+    if job == "interrupt":
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(SOON)
+    return job
+
+
+def test_an_interrupt_in_a_worker_costs_its_job_only():
+    with Pool(interrupting) as pool:
+        found = {}
+        for key in ("interrupt", "go on"):
+            pool.submit(key, key)
+        while len(found) < 2:
+            found |= {done.key: done.outcome for done in pool.collect(0.05)}
+    assert found["interrupt"].text == "ended by signal 2"
+    assert found["go on"].value == "go on"
+
+
+def test_a_keeper_that_answers_late_has_not_ended(monkeypatch):
+    monkeypatch.setattr("mrta_falsify.process.program.PATIENCE", 0.01)
+    answer = _Keeper._answer
+
+    def late(keeper, question, output):
+        time.sleep(0.1)
+        answer(keeper, question, output)
+
+    monkeypatch.setattr(_Keeper, "_answer", late)
+    program = Program(python("import time; time.sleep(600)"))
+    try:
+        assert not program.has_ended()
+        assert program.state().code is None
+    finally:
+        program.close()
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one():
+    program = Program(python("import time; time.sleep(600)"))
+    try:
+        program._ours.sendall(b"begun 0\n")  # nobody waits for its answer
+        assert program.state().code is None
+        program.ask_to_end()
+        assert ends(program.kept()[0])
+        assert program.state().code == -signal.SIGTERM
+    finally:
+        program.close()
+
+
+def test_a_keeper_whose_owner_is_gone_before_its_answer_ends_all_in_silence(monkeypatch, capfd):
+    answer = _Keeper._answer
+
+    def late(keeper, question, output):
+        time.sleep(0.3)
+        answer(keeper, question, output)
+
+    monkeypatch.setattr(_Keeper, "_answer", late)
+    program = Program(python("import time; time.sleep(600)"))
+    until = time.monotonic() + SOON
+    while not (kept := program.kept()):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    program._ours.sendall(b"begun 0\n")
+    program.close()
+    assert ends(kept[0])
+    assert capfd.readouterr().err == ""
+
+
+def test_a_keeper_that_is_told_to_end_while_it_ends_kills_all(monkeypatch):
+    end_all = _Keeper.end_all
+
+    def told_again(keeper):
+        os.kill(os.getpid(), signal.SIGTERM)
+        end_all(keeper)
+
+    monkeypatch.setattr(_Keeper, "end_all", told_again)
+    program = Program(python("import time; time.sleep(600)"))
+    assert program.error() == ""
+    (kept,) = program.kept()
+    program._ours.shutdown(socket.SHUT_RDWR)
+    assert program._keeper.code(wait=True) == 0
+    assert not psutil.pid_exists(kept)
+    program.close()
+
+
 # --- the budget of a pool ----------------------------------------------------------------------
 
 
@@ -190,6 +310,15 @@ def test_credit_begins_a_budget_again():
     found = fates({"credited": [0.4, 0.4, 0.4], "late": [30.0]})
     assert found["credited"].value == 3
     assert found["late"].text == "killed after 0.6 s of work and sleep"
+
+
+def test_a_pool_starts_no_more_workers_than_there_are_jobs():
+    with Pool(sleeper, workers=3) as pool:
+        assert len(pool.workers) == 0
+        pool.submit("a", [])
+        assert len(pool.workers) == 1
+        pool.submit("b", [])
+        assert len(pool.workers) == 2
 
 
 def test_results_come_in_the_order_of_the_jobs():
