@@ -22,6 +22,7 @@ from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import Pool
 from mrta_falsify.process.program import Command, Program, _Keeper
 from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.usage import members_of_session
 from mrta_falsify.process.watch import current_watch
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
@@ -130,6 +131,33 @@ def test_a_worker_that_is_killed_leaves_no_children(tmp_path):
     assert done[0].key == "a"
     assert done[0].outcome.text == "ended by signal 9"
     assert left_by(tmp_path / "numbers") == []
+
+
+def test_what_is_left_is_killed_when_an_end_is_noticed_and_never_later(monkeypatch):
+    """Later the number may be that of a session of somebody else."""
+    copy = fork()
+    if copy is None:
+        subprocess.Popen(["sleep", "600"])
+        os._exit(0)
+    (left,) = wait_for_session(copy.number)
+    assert copy.code(wait=True) == 0
+    assert ends(left)
+    other = subprocess.Popen(["sleep", "600"], start_new_session=True)
+    try:
+        monkeypatch.setattr(copy, "number", other.pid)
+        copy.kill()
+        assert other.poll() is None
+    finally:
+        other.kill()
+        other.wait()
+
+
+def wait_for_session(session):
+    until = time.monotonic() + SOON
+    while not (found := [n for n in members_of_session(session) if n != session]):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    return found
 
 
 def test_a_program_ends_with_its_owner_and_so_does_what_it_has_started(tmp_path):
