@@ -12,7 +12,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import IO
 
 from mrta_falsify.core.interruption import STOP_SIGNALS, signals_held
@@ -38,15 +38,23 @@ class Child:
         self._process = process
         self._owner = os.getpid()
         self._code: int | None = None
+        self._has_session = True  # processes of its session may be left
 
     def code(self, *, wait: bool = False) -> int | None:
-        """Give its exit code, or the negative of the signal that ended it; None: it runs."""
+        """Give its exit code, or the negative of the signal that ended it; None: it runs.
+
+        What is left of its session is killed when it is found to have ended, and not later: its
+        number may then be that of another process.
+        """
         if self._process is not None:
-            return self._process.wait() if wait else self._process.poll()
-        if self._code is None:
+            self._code = self._process.wait() if wait else self._process.poll()
+        elif self._code is None:
             with contextlib.suppress(ChildProcessError):
                 ended, status = os.waitpid(self.number, 0 if wait else os.WNOHANG)
                 self._code = os.waitstatus_to_exitcode(status) if ended else None
+        if self._code is not None and self._has_session and os.getpid() == self._owner:
+            _kill_all(lambda: self._with_descendants(members_of_session(self.number)))
+            self._has_session = False
         return self._code
 
     def kill(self, seen: Collection[Named] = ()) -> None:
@@ -60,17 +68,19 @@ class Child:
             return
         if self.code() is None:
             _kill_all(lambda: set(descendants(self.number)))
-            self.end()
-        _kill_all(lambda: self._left(seen))
+            send(self.number, signal.SIGKILL)
+            self.code(wait=True)
+        _kill_all(lambda: self._with_descendants(one.number for one in seen if is_same(one)))
 
     def end(self) -> None:
-        """Kill it alone, and wait for it."""
+        """Kill it, which has started nothing, and wait for it."""
+        self._has_session = False
         send(self.number, signal.SIGKILL)
         self.code(wait=True)
 
-    def _left(self, seen: Collection[Named]) -> set[int]:
-        """All processes that come from it, which has ended."""
-        found = {*members_of_session(self.number), *(one.number for one in seen if is_same(one))}
+    def _with_descendants(self, numbers: Iterable[int]) -> set[int]:
+        """Add what processes, left by this one, have started."""
+        found = set(numbers)
         for number in tuple(found):
             found.update(descendants(number))
         return found - {self.number, os.getpid()}

@@ -153,16 +153,6 @@ class Pool(contextlib.AbstractContextManager["Pool"]):
         self._hand_out()
         return done
 
-    def map(self, jobs: Sequence[Any]) -> Iterator[Any]:
-        """Run jobs; give their results in the order of the jobs; errors as :meth:`unordered`."""
-        found: dict[int, Any] = {}
-        due = 0
-        for number, result in self.unordered(jobs):
-            found[number] = result
-            while due in found:
-                yield found.pop(due)
-                due += 1
-
     def unordered(self, jobs: Sequence[Any]) -> Iterator[tuple[int, Any]]:
         """Run jobs; give number and result of each as it comes. Lost jobs are run again.
 

@@ -18,7 +18,7 @@ import time
 import traceback
 from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection, Pipe
-from typing import Any, Literal, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
 from mrta_falsify.core.interruption import signals_held
@@ -33,7 +33,6 @@ from mrta_falsify.process.ending import (
     opened,
     outcome_of,
 )
-from mrta_falsify.process.pool import Pool
 from mrta_falsify.process.program import Command, Program
 from mrta_falsify.process.snapshot import RolledBack, is_resumed
 from mrta_falsify.process.usage import Named, ProcessClock, read_process
@@ -45,10 +44,6 @@ from mrta_falsify.process.watch import (
     listen_to_compiler,
     under,
 )
-
-#: where a job runs. inline: in this process; fork: in a copy of it; spawn: in a fresh process, to
-#: which it is sent; exec: it is a :class:`Command`
-Mode = Literal["inline", "fork", "spawn", "exec"]
 
 LOOK_EVERY = 0.05  # s between two looks at a fork; a tick limit is kept to about twice this
 DUMP_WITHIN = 1.0  # s that a fork has to write where it hangs
@@ -71,33 +66,22 @@ class Request(NamedTuple):
     may_roll_back: bool = False  #: whether a snapshot of the fork may take its place
 
 
-def run_supervised(job: Any, mode: Mode = "fork", budget: Budget | None = None) -> Any:
-    """Run a job once.
+def run_supervised(job: Callable[[], Any], budget: Budget | None = None) -> Any:
+    """Run a job once, in a fork of this process.
 
     Args:
-        job: a function without arguments; one of a module for ``spawn``. A command for ``exec``.
-        mode: where it runs.
-        budget: of the child: of a fork, for each tick of the stack, by default as in this process;
-            of a spawned child and of a command, for the job.
+        job: a function without arguments.
+        budget: of the stack under test, for each tick; None: as in this process.
 
     Returns:
-        What the job returns; :class:`Printed` for ``exec``.
+        What the job returns.
 
     Raises:
-        Ending: the child ended, or had to be ended; of a fork, within the stack.
+        Ending: the fork ended, or had to be ended, within the stack.
         StackFailed: the stack failed otherwise.
         MrtaFalsifyError: as the job.
-        HarnessError: the child ended outside the stack, the job failed in a fork, or a command
-            cannot be started.
-        Exception: what a job raised that was not run in a fork.
+        HarnessError: the fork ended outside the stack, or the job failed.
     """
-    if mode == "inline":
-        return job()
-    if mode == "spawn":
-        with Pool(_caller, budget=budget or Budget()) as pool:
-            return next(pool.map([job]))
-    if mode == "exec":
-        return _run_command(job, budget or Budget())
     supervisor = Supervisor(budget)
     try:
         return supervisor.run(job)
@@ -105,15 +89,17 @@ def run_supervised(job: Any, mode: Mode = "fork", budget: Budget | None = None) 
         supervisor.close()
 
 
-def _caller() -> Callable[[Any], Any]:
-    return _call
+def run_command(command: Command, budget: Budget) -> Printed:
+    """Run a command once.
 
+    Args:
+        command: how it is started.
+        budget: of the command, from its start to its end.
 
-def _call(job: Callable[[], Any]) -> Any:
-    return job()
-
-
-def _run_command(command: Command, budget: Budget) -> Printed:
+    Raises:
+        Ending: it did not end within its budget, or somebody has killed its keeper.
+        HarnessError: it cannot be started.
+    """
     program = Program(command)
     try:
         if error := program.error():

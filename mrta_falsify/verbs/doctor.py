@@ -17,9 +17,10 @@ from typing import Literal
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import default_engine
 from mrta_falsify.core.errors import HarnessError, MrtaFalsifyError
+from mrta_falsify.process.budget import Budget
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.program import Command
-from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.supervisor import run_command
 
 OLDEST, NEWEST = (3, 11), (3, 13)  # Pythons
 
@@ -204,7 +205,7 @@ def _check_determinism() -> HealthCheck:
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         command = Command([sys.executable, "-P", "-c", _SELF_TEST], environment)
         try:
-            done = run_supervised(command, "exec")
+            done = run_command(command, Budget())
         except HarnessError as error:
             return _failed_self_test(str(error))
         except Ending as error:

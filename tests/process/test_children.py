@@ -1,9 +1,8 @@
-"""Children: what a job returns in each mode, and what is left of them, which is nothing."""
+"""Children: what a job returns, and what is left of them, which is nothing."""
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
 import signal
 import socket
@@ -21,7 +20,8 @@ from mrta_falsify.process.child import fork
 from mrta_falsify.process.ending import Ending
 from mrta_falsify.process.pool import Pool
 from mrta_falsify.process.program import Command, Program, _Keeper
-from mrta_falsify.process.supervisor import run_supervised
+from mrta_falsify.process.supervisor import run_command, run_supervised
+from mrta_falsify.process.usage import members_of_session
 from mrta_falsify.process.watch import current_watch
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
@@ -45,39 +45,36 @@ def python(text: str) -> Command:
     return Command([sys.executable, "-S", "-c", text], os.environ)
 
 
-# --- modes ---------------------------------------------------------------------------------
+# --- jobs and commands ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", ["inline", "fork", "spawn"])
-def test_a_job_returns_its_value_in_every_mode(mode):
-    found = run_supervised(os.getpid, mode)
-    assert (found == os.getpid()) == (mode == "inline")
+def test_a_job_returns_its_value_from_a_copy():
+    assert run_supervised(os.getpid) not in (None, os.getpid())
 
 
 def refuse():
     raise ConfigError("stack.planner is 7")
 
 
-@pytest.mark.parametrize("mode", ["inline", "fork", "spawn"])
-def test_what_a_job_raises_is_raised_here(mode):
+def test_what_a_job_raises_is_raised_here():
     with pytest.raises(ConfigError, match="planner is 7"):
-        run_supervised(refuse, mode)
+        run_supervised(refuse)
 
 
 def test_a_command_gives_its_exit_code_and_what_it_printed():
-    done = run_supervised(python("print('out'); raise SystemExit(3)"), "exec")
+    done = run_command(python("print('out'); raise SystemExit(3)"), Budget())
     assert (done.code, done.text) == (3, "out\n")
 
 
 def test_a_command_that_does_not_end_is_ended():
     with pytest.raises(Ending) as ended:
-        run_supervised(python("import time; time.sleep(60)"), "exec", Budget(work=0.2))
+        run_command(python("import time; time.sleep(60)"), Budget(work=0.2))
     assert (ended.value.kind, str(ended.value)) == ("hang", "the stack did not end within 0.2 s")
 
 
 def test_a_command_that_is_none_is_an_error():
     with pytest.raises(HarnessError, match="no-such-program: cannot be started: No such file"):
-        run_supervised(Command(["no-such-program"], {}), "exec")
+        run_command(Command(["no-such-program"], {}), Budget())
 
 
 # --- what is left ----------------------------------------------------------------------------
@@ -130,6 +127,33 @@ def test_a_worker_that_is_killed_leaves_no_children(tmp_path):
     assert done[0].key == "a"
     assert done[0].outcome.text == "ended by signal 9"
     assert left_by(tmp_path / "numbers") == []
+
+
+def test_what_is_left_is_killed_when_an_end_is_noticed_and_never_later(monkeypatch):
+    """Later the number may be that of a session of somebody else."""
+    copy = fork()
+    if copy is None:
+        subprocess.Popen(["sleep", "600"])
+        os._exit(0)
+    (left,) = wait_for_session(copy.number)
+    assert copy.code(wait=True) == 0
+    assert ends(left)
+    other = subprocess.Popen(["sleep", "600"], start_new_session=True)
+    try:
+        monkeypatch.setattr(copy, "number", other.pid)
+        copy.kill()
+        assert other.poll() is None
+    finally:
+        other.kill()
+        other.wait()
+
+
+def wait_for_session(session):
+    until = time.monotonic() + SOON
+    while not (found := [n for n in members_of_session(session) if n != session]):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    return found
 
 
 def test_a_program_ends_with_its_owner_and_so_does_what_it_has_started(tmp_path):
@@ -321,13 +345,16 @@ def test_a_pool_starts_no_more_workers_than_there_are_jobs():
         assert len(pool.workers) == 2
 
 
-def test_results_come_in_the_order_of_the_jobs():
+def test_every_result_comes_with_the_number_of_its_job():
     with Pool(sleeper, workers=2) as pool:
         jobs = [[0.3], [], [0.01, 0.01]]
-        assert list(pool.map(jobs)) == [1, 0, 2]
         assert sorted(pool.unordered(jobs)) == [(0, 1), (1, 0), (2, 2)]
 
 
+def evaluating():
+    return eval
+
+
 def test_a_result_that_cannot_be_sent_is_an_error_of_the_harness():
-    with pytest.raises(HarnessError, match="lambda"):
-        run_supervised(functools.partial(eval, "lambda: 0"), "spawn")
+    with Pool(evaluating) as pool, pytest.raises(HarnessError, match="lambda"):
+        list(pool.unordered(["lambda: 0"]))

@@ -43,5 +43,5 @@ def test_a_self_test_that_does_not_run_is_a_failed_check(monkeypatch, error, why
     def fail(*args):
         raise error
 
-    monkeypatch.setattr(doctor, "run_supervised", fail)
+    monkeypatch.setattr(doctor, "run_command", fail)
     assert doctor._check_determinism() == doctor._failed_self_test(why)
