@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.campaigns.runner import point_digest
-from mrta_falsify.campaigns.settings import TrialSettings
+from mrta_falsify.campaigns.settings import STORED_TARGETS, TrialSettings
 from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.candidate import Candidate
@@ -58,6 +58,8 @@ PAUSES = (0.05, 1.0)  # s between two kills
 ENDLESS = 10**6  # trials
 PATIENCE = 10.0  # s until all that a killed process had started has ended
 FURTHER = 4  # trials after the last kill
+TARGET = "tests.external.kills:open_trials"
+STORED_TARGETS[TARGET] = TARGET  # so that such a campaign can be read
 
 
 @dataclass
@@ -140,7 +142,7 @@ def disturb(directory: Path, kills: int, seed: int) -> Report:
     report, random = Report(), stream(seed, "kills")
     mark = f"{os.getpid()}-{time.monotonic_ns()}"
     chosen = standin_settings(seed=seed, window=8, mark=mark)
-    chosen = dataclasses.replace(chosen, target="tests.external.kills:open_trials")
+    chosen = dataclasses.replace(chosen, target=TARGET)
     Store.create(directory, chosen).close()
     wanted = [victim for victim in VICTIMS for _ in range(kills)]
     random.shuffle(wanted)
