@@ -9,6 +9,7 @@ import pytest
 
 from mrta_falsify.core.config import Choice
 from mrta_falsify.lab import laboratory
+from scenic_worlds import program as _loaded  # noqa: F401 - a run in this process would unload it
 from tests.quick_program import PROGRAM
 
 pytest_plugins = ["pytester"]
