@@ -218,7 +218,7 @@ def trial_score(judged: Judged, comparison: Comparison) -> float:
         if comparison.other is None:
             return score
         return differing(score, comparison.other.score)
-    chance = comparison.jittered.chance.mean
+    chance = comparison.jittered.posterior.mean
     if comparison.other is not None and comparison.other.jittered is not None:
-        chance = min(chance, 1.0 - comparison.other.jittered.chance.mean)
+        chance = min(chance, 1.0 - comparison.other.jittered.posterior.mean)
     return -chance

@@ -34,7 +34,7 @@ from mrta_falsify.core.record import (
     TrialRecord,
     versions,
 )
-from mrta_falsify.core.run_result import RunResult, Vote
+from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
@@ -150,20 +150,20 @@ class TrialRunner:
             config = on_kinematic_engine(settings.stack)
             there = dataclasses.replace(own, stack=config)
             quick = lab.judge(there)
+            result = _result(there, quick)
             if not quick.failed:
-                return self._finish(world, record, quick, config.engine.name, began)
-            screening = engine_run(there, result_of(there, quick), failed=True)
+                return self._finish(world, record, quick, result, began)
+            screening = engine_run(there, result, failed=True)
             origin = dataclasses.replace(record.origin, screening=screening)
             record = dataclasses.replace(record, origin=origin)
         judged = lab.judge(own)
-        result = result_of(own, judged)
+        result = _result(own, judged)
         comparison = self._vote(lab, own, result, record.number)
         repeats = self._repeat(lab, own, result)
         record = dataclasses.replace(record, other=comparison.other, repeats=repeats)
         if judged.is_primary and (comparison.jittered is None or comparison.jittered.robust):
             record = dataclasses.replace(record, engines=self._confirm(lab, own))
-        engine = settings.stack.engine.name
-        return self._finish(world, record, judged, engine, began, comparison)
+        return self._finish(world, record, judged, result, began, comparison)
 
     def _confirm(self, lab: Lab, own: Experiment) -> dict[str, EngineRun]:
         """Run a failing world and copies of it on other engines, each with the whole time limit."""
@@ -216,7 +216,7 @@ class TrialRunner:
         world: World,
         record: TrialRecord,
         judged: Judged,
-        engine: str,
+        result: RunResult,
         began: float,
         comparison: Comparison = NO_COMPARISON,
     ) -> TrialRecord:
@@ -224,20 +224,13 @@ class TrialRunner:
         keep = judged.failed or record.number % self._settings.keep_every == 0
         trace_file = self._write(world, outcome, record.number) if keep else ""
         copies = comparison.jittered
-        result = RunResult(
-            status=judged.status,
-            verdicts=judged.verdicts,
-            margins=judged.margins,
-            signature=signature(judged.verdicts),
-            rank=judged.rank,
-            ended=outcome.ended,
-            trace=outcome.trace.digest,
-            sim_time=outcome.sim_time,
+        layer = ""
+        if judged.failed:
+            layer = suspect(self._settings.stack, judged.verdicts, outcome.trace)
+        result = dataclasses.replace(
+            result,
             wall_s=time.perf_counter() - began,
-            engine=engine,
-            layer=suspect(self._settings.stack, judged.verdicts, outcome.trace)
-            if judged.failed
-            else "",
+            layer=layer,
             trace_file=trace_file,
             coupling=outcome.coupling,
         )
@@ -249,7 +242,7 @@ class TrialRunner:
             expected=copies.objectives if copies is not None else {},
             noise=copies.noise if copies is not None else {},
         )
-        vote = voted(copies)
+        vote = copies.vote if copies is not None else None
         return dataclasses.replace(record, result=result, vote=vote, search=search)
 
     def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
@@ -315,6 +308,12 @@ class TrialFiles:
         return str((folder / "trace.zip").relative_to(self._path))
 
 
+def _result(experiment: Experiment, judged: Judged) -> RunResult:
+    """Sum up a run as records do: with its engine; why nothing was judged is in its verdicts."""
+    engine = experiment.stack.engine.name
+    return dataclasses.replace(result_of(experiment, judged), engine=engine, detail="")
+
+
 def engine_run(
     experiment: Experiment, run: RunResult, *, failed: bool, jittered: PerturbedRuns | None = None
 ) -> EngineRun:
@@ -326,13 +325,8 @@ def engine_run(
         trace_digest=run.trace,
         sim_time=run.sim_time,
         wall_s=run.wall_s,
-        vote=voted(jittered),
+        vote=jittered.vote if jittered is not None else None,
     )
-
-
-def voted(copies: PerturbedRuns | None) -> Vote | None:
-    """Count perturbed runs as a vote; None: none were run."""
-    return None if copies is None else Vote(runs=copies.runs, failed=copies.failed)
 
 
 def blamed(judged: Judged) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.probability import Probability, failure_probability
-from mrta_falsify.core.record import PerturbedRuns
 from mrta_falsify.core.run_result import Vote
 
 
@@ -54,7 +53,7 @@ def why_no_probability(
     return ""
 
 
-def chance_in_vote(copies: PerturbedRuns | Vote, most: int) -> Probability:
+def chance_in_vote(copies: Vote, most: int) -> Probability:
     """Estimate how probably a copy of a world fails, from copies that ended once decided.
 
     Copies that were not run count both ways, as trials without an answer do. So the interval

@@ -60,7 +60,7 @@ from mrta_falsify.core.durable import (
 from mrta_falsify.core.errors import FormatError, InputError, InputNote, PlaceError
 from mrta_falsify.core.parsing import parse_json, refuse_pipe
 from mrta_falsify.core.record import OtherRun, SearchData, TrialRecord
-from mrta_falsify.core.run_result import Rank, Vote
+from mrta_falsify.core.run_result import Rank
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.causes import kind_of
 
@@ -218,7 +218,7 @@ def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
         record,
         origin=dataclasses.replace(record.origin, screening=None),
         result=result,
-        vote=Vote(runs=copies.runs, failed=copies.failed) if copies is not None else None,
+        vote=copies.vote if copies is not None else None,
         repeats=None,
         other=None,
         engines={},

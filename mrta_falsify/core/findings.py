@@ -14,6 +14,7 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.inevitability import Inevitability
 from mrta_falsify.core.record import OtherRun, PerturbedRuns
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.verdict import Verdict
 
 # --- why it happens ----------------------------------------------------------------------
@@ -91,19 +92,6 @@ class Removal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VoteCount:
-    """Runs of a failing world with small differences."""
-
-    runs: int
-    failed: int  #: of them
-
-    @property
-    def is_knife_edge(self) -> bool:
-        """Whether there are copies, and most of them pass: any change may cure the failure."""
-        return 2 * self.failed < self.runs
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
     """Why a failure happens, as far as re-runs can tell."""
 
@@ -112,7 +100,7 @@ class Explanation:
     reason: str  #: why the layer is suspected, in words
     changed_at: float  #: when the continuations were changed [s]
     counterfactuals: tuple[Counterfactual, ...]  #: of versions that had no rows; empty since
-    jittered: VoteCount
+    jittered: Vote
     runs: int  #: episodes and continuations simulated
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
     absences: tuple[ChangedRun, ...] = later(())  #: runs without some things

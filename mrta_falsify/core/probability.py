@@ -49,7 +49,7 @@ def chance_of_failure(failed: int, runs: int) -> Chance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probability:
-    """Probabilities of a violation, with exact intervals."""
+    """A probability of a violation with its interval."""
 
     failures: int
     trials: int

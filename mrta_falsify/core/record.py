@@ -12,9 +12,7 @@ from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.codec import later
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.probability import (
-    Chance,
     Probability,
-    chance_of_failure,
     interval_text,
 )
 from mrta_falsify.core.renamed import renamed_attribute
@@ -28,28 +26,17 @@ Status = Literal["ok", "rejected", "impossible", "crashed", "timeout"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PerturbedRuns:
-    """What became of copies of a failing world with small differences."""
+class PerturbedRuns(Vote):
+    """What became of copies of a failing world with small differences, margins included."""
 
-    runs: int
-    failed: int  #: of them
     objectives: dict[str, float] = field(default_factory=dict)
     """Margins as copies tell them (:func:`mrta_falsify.perturbed_runs.expected_margin`)."""
     noise: dict[str, float] = later(dict)  #: variances of these, where above 0
 
-    def __str__(self) -> str:
-        """Write it as in ``3 of 4 copies with small differences fail too``."""
-        return f"{self.failed} of {self.runs} copies with small differences fail too"
-
     @property
-    def robust(self) -> bool:
-        """Whether most copies fail too; a failure of few of them stands on a knife edge."""
-        return 2 * self.failed > self.runs
-
-    @property
-    def chance(self) -> Chance:
-        """Of failure among copies of this world."""
-        return chance_of_failure(self.failed, self.runs)
+    def vote(self) -> Vote:
+        """The counts alone."""
+        return Vote(runs=self.runs, failed=self.failed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,8 +119,7 @@ class OtherRun:
     @property
     def passes_most(self) -> bool:
         """Whether it passes in the world itself and in more than half of the copies."""
-        copies = self.jittered
-        return self.passes and copies is not None and 2 * copies.failed < copies.runs
+        return self.passes and self.jittered is not None and self.jittered.most_pass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,13 @@ from mrta_falsify.core.codec import later
 from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.external import Coupling
-from mrta_falsify.core.probability import Probability, failure_probability, one_sided_bounds
+from mrta_falsify.core.probability import (
+    Chance,
+    Probability,
+    chance_of_failure,
+    failure_probability,
+    one_sided_bounds,
+)
 from mrta_falsify.core.verdict import Verdict
 
 #: a run that could not be judged tells nothing; an *impossible* world cannot be run at all; a run
@@ -102,6 +108,16 @@ class Vote:
     def knife_edge(self) -> bool:
         """Whether there are runs, and at least half of them pass."""
         return self.runs > 0 and not self.robust
+
+    @property
+    def most_pass(self) -> bool:
+        """Whether more than half of the runs pass."""
+        return 2 * self.failed < self.runs
+
+    @property
+    def posterior(self) -> Chance:
+        """How probably a run fails, as what a search expects of it."""
+        return chance_of_failure(self.failed, self.runs)
 
     @property
     def chance(self) -> Probability:

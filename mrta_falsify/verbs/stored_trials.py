@@ -16,7 +16,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import FormatError, InputError, NeedsOption
 from mrta_falsify.core.findings import Explanation
 from mrta_falsify.core.probability import interval_text
-from mrta_falsify.core.record import OtherRun, PerturbedRuns, TrialRecord
+from mrta_falsify.core.record import OtherRun, TrialRecord
 from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.trace import Trace, read_trace
 from mrta_falsify.core.verdict import Verdict
@@ -111,7 +111,7 @@ def row_of(record: TrialRecord, layer: str) -> TrialRow:
 
 
 def compared_sentences(
-    jittered: PerturbedRuns | Vote | None, other: OtherRun | None, most: int = COMPARISON_RUNS
+    jittered: Vote | None, other: OtherRun | None, most: int = COMPARISON_RUNS
 ) -> tuple[str, ...]:
     """Say what the other stack does in the world of a failure, and what copies say of both.
 
@@ -133,7 +133,7 @@ def compared_sentences(
     return tuple(parts)
 
 
-def _chance_text(copies: PerturbedRuns | Vote, most: int) -> str:
+def _chance_text(copies: Vote, most: int) -> str:
     chance = chance_in_vote(copies, most)
     return (
         f"{copies.failed} of {copies.runs} ({interval_text(chance.low, chance.high, chance.level)})"

@@ -25,8 +25,8 @@ from mrta_falsify.core.findings import (
     Removal,
     ReplayCheck,
     Standing,
-    VoteCount,
 )
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.verdict import Verdict
 from tests.reports.decided import DECIDED as INEVITABILITY
 
@@ -37,7 +37,7 @@ EXPLANATION = Explanation(
     reason="changing it, and nothing else, removes the failure",
     changed_at=12.5,
     counterfactuals=(Counterfactual(layer="planner", change="planner: ompl", failure_gone=True),),
-    jittered=VoteCount(runs=20, failed=18),
+    jittered=Vote(runs=20, failed=18),
     runs=33,
     removals=(Removal(robot="a", time=22.5, go_on=("b",), stay=("c",)),),
 )

@@ -15,7 +15,8 @@ from mrta_falsify.campaigns.finding_files import read_finding, write_finding
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.external import ExternalStack
-from mrta_falsify.core.findings import ChangedRun, Explanation, VoteCount
+from mrta_falsify.core.findings import ChangedRun, Explanation
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import Furniture, Task, World
 from mrta_falsify.lab import Experiment, Lab, RunResult
@@ -189,7 +190,7 @@ def explained(*runs: ChangedRun, copies=(0, 0), **more) -> Explanation:
         reason="",
         changed_at=0.0,
         counterfactuals=(),
-        jittered=VoteCount(failed=copies[0], runs=copies[1]),
+        jittered=Vote(failed=copies[0], runs=copies[1]),
         runs=1,
         absences=tuple(run for run in runs if run.group != "schedule"),
         schedules=tuple(run for run in runs if run.group == "schedule"),
@@ -255,7 +256,7 @@ def test_a_stack_of_which_nothing_is_known_is_explained_by_what_it_fails_without
     assert by_change["every command 50 ms later"] == "stays"
     assert by_change["every command 200 ms later"] == "gone"
     assert by_change["tasks that come at the same time told in reverse order"] == "gone"
-    assert found.jittered == VoteCount(runs=stack.runs, failed=stack.failed)
+    assert found.jittered == Vote(runs=stack.runs, failed=stack.failed)
 
 
 @pytest.mark.slow

@@ -22,8 +22,9 @@ from mrta_falsify.campaigns.finding_files import write_finding
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.findings import Explanation, LayerRow, VoteCount
+from mrta_falsify.core.findings import Explanation, LayerRow
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import Experiment, Lab, OnRun, experiment_of_job
@@ -150,7 +151,7 @@ def explain_job(
             reason="",
             changed_at=case.at,
             counterfactuals=(),
-            jittered=VoteCount(runs=0, failed=0),
+            jittered=Vote(runs=0, failed=0),
             runs=0,
         )
         waiting = [question for question in QUESTIONS if question.applies(case)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from mrta_falsify.core.findings import Explanation, LayerRow, VoteCount
+from mrta_falsify.core.findings import Explanation, LayerRow
+from mrta_falsify.core.run_result import Vote
 from mrta_falsify.verbs.explain.case import Case
 from mrta_falsify.verbs.explain.rows import (
     RUNS,
@@ -70,9 +71,9 @@ def _rows(case: Case, runs: int) -> tuple[tuple[LayerRow, ...], tuple[str, ...]]
     return rows, tuple(dict.fromkeys(change.layer for change in ranked[room:]))
 
 
-def _copies(rows: Sequence[LayerRow]) -> VoteCount:
+def _copies(rows: Sequence[LayerRow]) -> Vote:
     """Count the copies of the stack as it is."""
     if not rows or rows[0].copies < 2:
-        return VoteCount(runs=0, failed=0)
+        return Vote(runs=0, failed=0)
     stack = rows[0]
-    return VoteCount(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)
+    return Vote(runs=stack.runs + stack.otherwise + stack.avoided, failed=stack.failed)

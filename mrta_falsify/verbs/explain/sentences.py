@@ -19,7 +19,7 @@ def needs_sentences(found: Explanation) -> tuple[str, ...]:
     """Say without what a failure is gone, and whether it depends on the schedule."""
     sentences = [*_absence_sentences(found.absences), *_schedule_sentences(found.schedules)]
     is_gone = any(run.fate == "gone" for run in (*found.absences, *found.schedules))
-    if is_gone and found.jittered.is_knife_edge:
+    if is_gone and found.jittered.most_pass:
         sentences.append(
             "Most copies with small differences pass, so any change may remove the failure: these "
             "say little."
