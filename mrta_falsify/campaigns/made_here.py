@@ -97,7 +97,7 @@ def _sealed_places(directory: Path) -> dict[str, Any] | None:
     if key is None or not (directory / SEAL).is_file():
         return None
     try:
-        seal, settings = (codec.read_json(directory / name) for name in (SEAL, SETTINGS))
+        seal, settings = (dict(codec.read_json(directory / name)) for name in (SEAL, SETTINGS))
         mac, places = seal["mac"], dict(seal["places"])
         names = {name: (settings.get(name), *others) for name, others in SEALED_AS.items()}
         forms = [dict(zip(names, form, strict=True)) for form in itertools.product(*names.values())]

@@ -28,7 +28,11 @@ ONLY_OPTIONS = {
     "report": {"opens", "watch"},
 }
 #: what only Python needs
-ONLY_PARAMETERS = {"run": {"keep_trace"}, "check": {"scenario"}, "report": {"refresh"}}
+ONLY_PARAMETERS = {
+    "run": {"keep_trace"},
+    "check": {"scenario"},
+    "report": {"refresh", "watched_since"},
+}
 #: for a shell, or for someone who looks on: Python has no use for them
 OF_THE_SHELL = {"completion"}
 NAMES = sorted(set(COMMANDS) - OF_THE_SHELL)

@@ -319,10 +319,11 @@ def test_cases_behind_the_first_ones_are_pages_beside_the_page(campaign, tmp_pat
         assert 'href="../a%20page.html"' in text
         assert not re.findall(r'(?:href|src)="https?:', text)
     case.write_text("as before")
-    reporting.write_report(many, page, cases=3, refresh=5)  # it is newer than its trial
+    watch = {"cases": 3, "refresh": 5, "watched_since": 0}
+    reporting.write_report(many, page, **watch)  # it is newer than its trial
     assert case.read_text() == "as before"
-    os.utime(case, (0, 0))
-    reporting.write_report(many, page, cases=3, refresh=5)
+    os.utime(case, (1, 1))
+    reporting.write_report(many, page, **watch)
     assert case.read_text() == text
 
 
