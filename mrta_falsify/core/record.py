@@ -15,7 +15,7 @@ from mrta_falsify.core.probability import (
     Probability,
     interval_text,
 )
-from mrta_falsify.core.renamed import renamed_attribute
+from mrta_falsify.core.renamed import Said, renamed_attribute
 from mrta_falsify.core.run_result import Rank, RunResult, Vote
 from mrta_falsify.core.tight_ways import TightWay
 from mrta_falsify.core.verdict import Verdict
@@ -314,9 +314,16 @@ class TrialRecord:
 
 
 #: what campaigns of format 2 and their readers called parts of a record
-OLD_NAMES = {
+OLD_NAMES: dict[str, str | Said] = {
     "wanted": "is_robust",
     "is_sought": "is_primary",
+    "is_reported": ('rank != "none"', lambda record: record.rank != "none"),
+    "is_afterthought": ('rank == "secondary"', lambda record: record.rank == "secondary"),
+    "fails_on_both": (
+        'other.fate == "fails"',
+        lambda record: record.other is not None and record.other.fate == "fails",
+    ),
+    "confirmed": ("engines", lambda record: tuple(record.engines.values())),
     "jittered": "vote",
     "repeated": "repeats",
     "screening": "origin.screening",

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 #: modules that documentation named, and where their content is now
 MODULES = {
@@ -19,6 +19,9 @@ MODULES = {
     "mrta_falsify.rehearsal": "mrta_falsify.preflight",
     "mrta_falsify.specs.situations": "mrta_falsify.specs.descriptors",
 }
+
+#: what says now what a name said, and how it is asked of the owner
+Said: TypeAlias = tuple[str, Callable[[Any], Any]]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -44,13 +47,14 @@ def renamed_keywords(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]
     return decorate
 
 
-def renamed_attribute(owner: object, name: str, names: Mapping[str, str]) -> Any:
+def renamed_attribute(owner: object, name: str, names: Mapping[str, str | Said]) -> Any:
     """Give an attribute by its old name; for the ``__getattr__`` of a class or a module.
 
     Args:
         owner: the value, or the module.
         name: that is asked for.
-        names: old name -> name now, with dots where it is an attribute of another one.
+        names: old name -> name now, with dots where it is an attribute of another one; or, where no
+            name is left, what says the same now, with how it is asked of the owner.
 
     Raises:
         AttributeError: it is no old name either.
@@ -58,8 +62,10 @@ def renamed_attribute(owner: object, name: str, names: Mapping[str, str]) -> Any
     who = owner.__name__ if isinstance(owner, ModuleType) else type(owner).__name__
     if name not in names:
         raise AttributeError(f"{who!r} has no attribute {name!r}")
-    _warn(f"{who}.{name}", names[name], depth=4)
-    return operator.attrgetter(names[name])(owner)
+    new = names[name]
+    text, ask = (new, operator.attrgetter(new)) if isinstance(new, str) else new
+    _warn(f"{who}.{name}", text, depth=4)
+    return ask(owner)
 
 
 def _warn(old: str, new: str, *, depth: int = 3) -> None:
