@@ -149,7 +149,7 @@ def test_explain_of_an_interrupted_run_does_not_say_that_it_violates_nothing(cam
         explain(campaign, campaign.record("0"), max_runs=3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_explain_goes_on_to_the_same_explanation(campaign, interrupts):
     record, folder = campaign.record("0"), campaign.directory / "trials" / "0000"
     peace = explain(campaign, record, max_runs=4)
@@ -168,7 +168,7 @@ def test_explain_goes_on_to_the_same_explanation(campaign, interrupts):
     assert read_finding(folder, Explanation) == peace
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_minimize_keeps_no_answer_of_an_interrupted_run(campaign, interrupts, tmp_path):
     record, folder = campaign.record("0"), campaign.directory / "trials" / "0000"
     interrupts(3)
@@ -183,7 +183,7 @@ def test_minimize_keeps_no_answer_of_an_interrupted_run(campaign, interrupts, tm
     assert minimize(campaign, record, max_runs=4) == found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_minimize_does_not_believe_the_cache_of_an_older_version(campaign):
     record, folder = campaign.record("0"), campaign.directory / "trials" / "0000"
     found = minimize(campaign, record, max_runs=3)

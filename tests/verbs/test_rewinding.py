@@ -174,7 +174,7 @@ def test_layers_that_removed_the_failure_are_replaced_and_shipped_ones_from_the_
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_planted_layer_is_found_to_have_decided_a_real_failure(stalled):
     world, judged = stalled
     job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
