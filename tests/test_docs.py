@@ -22,9 +22,9 @@ def _blocks(page: Path, language: str) -> list[str]:
 
 def _pages_with_python() -> list[object]:
     """List pages; one runs a whole campaign and explains, minimises and reports its failure."""
-    slow = {"python": pytest.mark.long}
+    marks = {"python": pytest.mark.long}
     pages = [page for page in PAGES if _blocks(page, "python")]
-    return [pytest.param(p, id=p.stem, marks=slow.get(p.stem, ())) for p in pages]
+    return [pytest.param(p, id=p.stem, marks=marks.get(p.stem, ())) for p in pages]
 
 
 @pytest.mark.parametrize("page", _pages_with_python())

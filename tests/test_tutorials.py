@@ -64,7 +64,7 @@ def follow(page: str) -> None:
 
 
 def _courses() -> list[object]:
-    """List the courses; one explains and minimises a failure, which takes ten minutes."""
+    """List the courses; one explains and minimises a failure, which takes minutes."""
     longest = [pytest.mark.long, pytest.mark.timeout(1800)]
     return [
         pytest.param(
