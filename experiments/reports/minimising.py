@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from experiments.copies import perturbed_worlds
 from experiments.reports.stored_failures import (
     StoredFailure,
     cpu_seconds,
@@ -44,7 +45,6 @@ from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from mrta_falsify.verbs.minimize.sentences import minimal_text
 from mrta_falsify.verbs.stored_trials import job_of
 from scenic_worlds.program import compile_program
-from scenic_worlds.variation import perturbed_worlds
 from simulator_interface.starts import check_starts
 
 STUDY = "minimising"

@@ -23,15 +23,15 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from mrta_falsify.core.probability import blaker_interval
+from experiments.copies import perturbed_worlds
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.probability import blaker_interval
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.world import World
 from mrta_falsify.possibility import look_at
 from mrta_falsify.trial import Job, campaign_specifications, judge
 from scenic_worlds.program import Program, compile_program, scenario_path
-from scenic_worlds.variation import perturbed_worlds
 
 ENGINES = ("kinematic", "bullet", "mujoco")
 FIRST = "kinematic"
