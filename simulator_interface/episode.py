@@ -15,7 +15,7 @@ from mrta_falsify.core import registry, seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.fleet import Command, FleetState, Frame, Sensed, Tells, no_intent
+from mrta_falsify.core.fleet import SENSED, Command, FleetState, Frame, Sensed, Tells, no_intent
 from mrta_falsify.core.protocols import CostmapSource, Engine, FleetStack
 from mrta_falsify.core.stack_failure import DeterminismCheck, StackFailed
 from mrta_falsify.core.steadiness import Memory, memory_of
@@ -46,6 +46,9 @@ from simulator_interface.staging import (
 #: people need more room than a robot's disc; they see every object
 PEOPLES_MAP = Choice("layered", {"robot_radius": PEOPLES_RADIUS})
 
+#: measurements that a stack is told, by name
+_TOLD = tuple(name for name in SENSED if name != "time" and name in FleetState.__slots__)
+
 NUDGE = 0.002  # m, spread of small differences along each axis: less than any localisation's noise
 NUDGE_ROOM = 0.02  # m; a robot with something nearer than this is not moved into it
 
@@ -71,19 +74,16 @@ class _Localisation:
     def fleet(self, sensed: Sensed) -> FleetState:
         """Tell the stack about ``sensed``: poses with localisation noise, and rests."""
         fill_rest(sensed.pose, sensed.time, self._anchor, self._since)
-        pose = sensed.pose.copy()  # a stack that writes into its input changes no truth
+        # a stack that writes into its input changes no truth
+        told = {name: getattr(sensed, name).copy() for name in _TOLD}
         if self._is_noisy:
-            pose += self._random.normal(size=pose.shape) * self._spread
+            told["pose"] += self._random.normal(size=told["pose"].shape) * self._spread
         return FleetState(
             tick=sensed.tick,
             time=sensed.time,
-            pose=pose,
-            velocity=sensed.velocity.copy(),
-            human_position=sensed.human_position.copy(),
-            human_velocity=sensed.human_velocity.copy(),
             human_radius=self._human_radius.copy(),
-            obstacle_points=sensed.obstacle_points.copy(),
             parked_for=sensed.time - self._since,
+            **told,
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import tempfile
@@ -12,7 +13,16 @@ import pytest
 from hypothesis import settings
 
 from mrta_falsify.core.arrays import frozen_array
-from mrta_falsify.core.fleet import BlockedBy, Command, Frame, Intent, Phase, Sensed, StackEvent
+from mrta_falsify.core.fleet import (
+    BlockedBy,
+    Command,
+    Frame,
+    Intent,
+    Phase,
+    Sensed,
+    StackEvent,
+    nothing_sensed,
+)
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.trace import Trace, TraceRecorder
 from mrta_falsify.core.world import Furniture, HumanSpec, RobotSpec, Room, Task, Wall, World
@@ -127,19 +137,13 @@ def scripted_trace(world: World, *, seconds: float, dt: float = 0.05, keep: bool
 def _sensed(world: World, tick: int, time: float, pose: np.ndarray) -> Sensed:
     robots, humans = len(world.robots), len(world.humans)
     people = np.array([human.route[0] for human in world.humans]).reshape(-1, 2)
-    return Sensed(
+    return dataclasses.replace(
+        nothing_sensed(robots, humans, rays=12),
         tick=tick,
         time=time,
         pose=pose,
-        velocity=np.zeros((robots, 3)),
         human_position=people + np.array([0.5 * time, 0.0]),
-        human_velocity=np.zeros((humans, 2)),
-        obstacle_points=np.full((robots, 12, 2), np.inf),
-        gap_robot=np.full(robots, np.inf),
-        gap_human=np.full(robots, np.inf),
         gap_static=np.full(robots, 0.5),
-        nearest_robot=np.full(robots, -1),
-        nearest_human=np.full(robots, -1),
         contact=np.zeros((robots, 3), dtype=bool) | (40 <= tick < 45),
     )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from mrta_falsify.core import registry
+from mrta_falsify.core.trace import COLUMNS
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -85,6 +86,19 @@ def test_every_kind_of_event_that_the_stack_writes_is_documented():
     assert {"granted", "no-path"} <= kinds
     page = (ROOT / "docs" / "trace.md").read_text()
     assert {kind for kind in kinds if f"`{kind}`" not in page} == set()
+
+
+def test_every_column_of_a_trace_is_documented_with_its_shape():
+    page = (ROOT / "docs" / "trace.md").read_text()
+    rows = {
+        (name, shape)
+        for names, shape in re.findall(r"^\| (`[^|]+`) \| (\([^|]+\)) \|", page, re.MULTILINE)
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    shapes = {name: ", ".join(["K", *map(str, row.shape)]) for name, row in COLUMNS.items()}
+    assert rows == {
+        (name, f"({shape},)" if shape == "K" else f"({shape})") for name, shape in shapes.items()
+    }
 
 
 def test_every_module_that_the_glossary_names_exists():

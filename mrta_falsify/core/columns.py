@@ -15,6 +15,7 @@ import tempfile
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from multiprocessing.reduction import DupFd  # how processes hand each other open files
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,6 @@ import numpy as np
 from mrta_falsify.core.durable import naming
 
 BLOCK = 32 * 2**20  # bytes of rows that are kept in memory
-#: what is kept with fewer digits than it is computed with
-KEPT_AS = {"obstacle_points": np.dtype(np.float32)}
 
 
 class ScratchFile:
@@ -125,10 +124,18 @@ class ColumnStore:
     Args:
         layout: of a row.
         block: bytes of rows that are kept in memory; ``BLOCK`` if 0.
+        kept_as: types of columns that are kept with fewer digits than a row has.
     """
 
-    def __init__(self, layout: np.dtype[np.void], block: int = 0) -> None:
+    def __init__(
+        self,
+        layout: np.dtype[np.void],
+        block: int = 0,
+        *,
+        kept_as: Mapping[str, np.dtype[Any]] = MappingProxyType({}),
+    ) -> None:
         self._layout = layout
+        self._kept_as = kept_as
         self._block = block or BLOCK
         self._rows = bytearray()
         self._files: dict[str, ScratchFile] = {}
@@ -158,7 +165,7 @@ class ColumnStore:
         """Tell of each column its name, and type and shape of a tick's values."""
         for name in self._layout.names or ():
             given, shape = self._layout[name].base, self._layout[name].shape
-            yield name, KEPT_AS.get(name, given), shape
+            yield name, self._kept_as.get(name, given), shape
 
     def _in_memory(self) -> Iterator[tuple[str, np.ndarray]]:
         table = np.frombuffer(self._rows, dtype=self._layout)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrta_falsify.core.trace import INTENT_COLUMNS, SENSED_COLUMNS, Trace
+from mrta_falsify.core.trace import COLUMNS, INTENT_COLUMNS, SENSED_COLUMNS, Trace
 
 T = TypeVar("T")
 
@@ -51,7 +51,8 @@ def first_difference(one: Trace, other: Trace) -> Difference | None:
     """
     if (one.robots, one.humans) != (other.robots, other.humans):
         raise ValueError("the traces are of other robots or people")
-    found = [_in_column(name, one, other) for name in _ORDER]
+    both = [name for name in _ORDER if name in one.columns and name in other.columns]
+    found = [_in_column(name, one, other) for name in both]
     found += [_in_paths(one, other), _in_events(one, other), _in_end(one, other)]
     there = [difference for difference in found if difference is not None]
     return min(there, key=lambda difference: difference.tick, default=None)
@@ -67,12 +68,15 @@ def _in_column(name: str, one: Trace, other: Trace) -> Difference | None:
     if not at.size:
         return None
     tick = int(at[0])
-    names = one.humans if name.startswith("human") else one.robots
-    who = ""
-    if differs.ndim > 1 and name != "furniture_pose":
-        which = np.flatnonzero(differs[tick].reshape(len(names), -1).any(axis=1))
-        who = names[int(which[0])]
-    first, second = (np.asarray(of[tick], dtype=np.float64)[differs[tick]] for of in (a, b))
+    whose: dict[tuple[str | int, ...], tuple[str, ...]] = {
+        ("N",): one.robots,
+        ("H",): one.humans,
+    }
+    who, of = "", whose.get(COLUMNS[name].shape[:1])
+    if of is not None:
+        which = np.flatnonzero(differs[tick].reshape(len(of), -1).any(axis=1))
+        who = of[int(which[0])]
+    first, second = (np.asarray(values[tick], dtype=np.float64)[differs[tick]] for values in (a, b))
     gap = np.abs(first - second)
     size = float(np.max(gap)) if np.isfinite(gap).all() else None
     return Difference(tick=tick, time=_time(one, tick), what=name, who=who, size=size)

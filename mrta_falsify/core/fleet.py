@@ -1,6 +1,7 @@
 """What engine and stack exchange each tick, and what the observer sees of it.
 
-N robots, H humans, A obstacle rays per robot.
+N robots, H humans, A obstacle rays per robot, F movable pieces of furniture. What a trace keeps of
+a value stands beside it (:mod:`.observed`).
 """
 
 from __future__ import annotations
@@ -8,13 +9,15 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
+from mrta_falsify.core.observed import Observed, observed_in
 from mrta_falsify.core.stack_failure import DeterminismCheck
 
+NOT_MEASURED: Any = None  #: stands for an optional value that is not given
 PARKED_AFTER = 5.0  #: s at rest, after which engines and stack treat a robot as an obstacle
 
 
@@ -35,21 +38,45 @@ class Sensed:
     """The world after a step, as the engine measures it; ground truth, no noise."""
 
     tick: int  #: control ticks since the start
-    time: float  #: simulation time [s]
-    pose: Array  #: (N, 3) x [m], y [m], yaw [rad]
-    velocity: Array  #: (N, 3) forward [m/s], left [m/s], turn rate [rad/s], body frame
-    human_position: Array  #: (H, 2) [m]; nan: left, or has not appeared yet
-    human_velocity: Array  #: (H, 2) [m/s], map frame
-    obstacle_points: Array  #: (N, A, 2) nearest static hit per ray [m], map frame; inf: none
-    gap_robot: Array  #: (N,) narrowest surface gap to a robot over the sub-steps [m], inf: far
-    gap_human: Array  #: (N,) the same to a human
-    gap_static: Array  #: (N,) the same to walls, furniture and blockages
-    nearest_robot: IntArray  #: (N,) robot number of ``gap_robot``, -1: none
-    nearest_human: IntArray  #: (N,) human number of ``gap_human``, -1: none
-    contact: BoolArray  #: (N, 3) touched a robot, human, static during the sub-steps
-    furniture_pose: Array = field(
-        default_factory=lambda: np.zeros((0, 3))
-    )  #: (F, 3) movable furniture: centre x, y [m], turn since the start [rad]
+    time: Annotated[float, Observed((), finite=True)]  #: simulation time [s]
+    #: x [m], y [m], yaw [rad], map frame
+    pose: Annotated[Array, Observed(("N", 3), finite=True)]
+    #: forward [m/s], left [m/s], turn rate [rad/s], body frame
+    velocity: Annotated[Array, Observed(("N", 3), finite=True)]
+    #: [m]; nan: left, or has not appeared yet
+    human_position: Annotated[Array, Observed(("H", 2), np.nan)]
+    human_velocity: Annotated[Array, Observed(("H", 2))]  #: [m/s], map frame
+    #: nearest static hit per ray [m], map frame; inf: none
+    obstacle_points: Annotated[Array, Observed(("N", "A", 2), np.inf, kept_as="f4")]
+    #: narrowest surface gap to a robot over the sub-steps [m], inf: far
+    gap_robot: Annotated[Array, Observed(("N",), np.inf)]
+    gap_human: Annotated[Array, Observed(("N",), np.inf)]  #: the same to a human
+    #: the same to walls, furniture and blockages
+    gap_static: Annotated[Array, Observed(("N",), np.inf)]
+    nearest_robot: Annotated[IntArray, Observed(("N",), -1)]  #: number of ``gap_robot``, -1: none
+    nearest_human: Annotated[IntArray, Observed(("N",), -1)]  #: number of ``gap_human``, -1: none
+    #: touched a robot, human, static during the sub-steps
+    contact: Annotated[BoolArray, Observed(("N", 3), False)]
+    #: movable furniture: centre x, y [m], turn since the start [rad]; an episode fills it
+    furniture_pose: Annotated[Array, Observed(("F", 3), optional=True)] = NOT_MEASURED
+
+    def __post_init__(self) -> None:
+        """Give a value to what the engine does not measure."""
+        for name, row in _OPTIONAL.items():
+            if getattr(self, name) is NOT_MEASURED:
+                lengths = {"N": len(self.pose), "H": len(self.human_position)}
+                object.__setattr__(self, name, row.blank(lengths))
+
+
+SENSED = observed_in(Sensed)  #: by name
+_OPTIONAL = {name: row for name, row in SENSED.items() if row.optional}
+
+
+def nothing_sensed(robots: int, people: int = 0, rays: int = 0) -> Sensed:
+    """Make a measurement of time 0 in which nothing is near; poses and velocities are 0."""
+    lengths = {"N": robots, "H": people, "A": rays}
+    values = {name: row.blank(lengths) for name, row in SENSED.items()}
+    return Sensed(tick=0, **{**values, "time": 0.0})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +98,8 @@ class FleetState:
 class Command:
     """Set points for the bases until the next tick."""
 
-    twist: Array  #: (N, 3) forward [m/s], left [m/s], turn rate [rad/s], body frame
+    #: forward [m/s], left [m/s], turn rate [rad/s], body frame
+    twist: Annotated[Array, Observed(("N", 3), finite=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,35 +131,31 @@ class Refusal:
 class Intent:
     """What the stack says of itself each tick; the oracle uses goals and paths, not claims."""
 
-    phase: IntArray  #: (N,) values of :class:`Phase`
-    goal: Array  #: (N, 2) room point or spot the robot finally heads for [m], nan: none
-    waypoint: Array  #: (N, 2) next waypoint [m], nan: none
+    phase: Annotated[IntArray, Observed(("N",), Phase.OFF.value)]  #: values of :class:`Phase`
+    #: room point or spot the robot finally heads for [m], nan: none
+    goal: Annotated[Array, Observed(("N", 2), np.nan)]
+    waypoint: Annotated[Array, Observed(("N", 2), np.nan)]  #: next waypoint [m], nan: none
     path: tuple[
         Array, ...
     ]  #: N polylines (L, 2) still ahead, empty: none; same object if unchanged
-    cluster: IntArray  #: (N,) smallest robot number of the robot's cluster
-    leader: IntArray  #: (N,) robot number that computes this robot's command
-    slack: Array  #: (N,) largest barrier slack of the robot's QP, 0: none used
-    tasks_left: IntArray  #: (N,) stops still in the robot's itinerary
-    queue: IntArray  #: (N,) place in the queue it waits in, 0 = head, -1: none
+    cluster: Annotated[IntArray, Observed(("N",), 0)]  #: smallest robot number of its cluster
+    leader: Annotated[IntArray, Observed(("N",), 0)]  #: robot number that computes its command
+    #: largest barrier slack of the robot's QP, 0: none used
+    slack: Annotated[Array, Observed(("N",))]
+    tasks_left: Annotated[IntArray, Observed(("N",), 0)]  #: stops still in the robot's itinerary
+    queue: Annotated[IntArray, Observed(("N",), -1)]  #: place in its queue, 0 = head, -1: none
     waits_for: tuple[str, ...]  #: N names of the resource waited for, "" if none
+
+
+INTENT = observed_in(Intent)  #: by name
 
 
 def no_intent(robots: int) -> Intent:
     """Make what a stack intends that says nothing of its N ``robots``."""
-    nowhere, nothing = np.full((robots, 2), np.nan), np.zeros(robots, dtype=np.int64)
-    return Intent(
-        phase=np.full(robots, Phase.OFF),
-        goal=nowhere,
-        waypoint=nowhere,
-        path=(np.zeros((0, 2)),) * robots,
-        cluster=np.arange(robots),
-        leader=np.arange(robots),
-        slack=np.zeros(robots),
-        tasks_left=nothing,
-        queue=nothing - 1,
-        waits_for=("",) * robots,
-    )
+    values = {name: row.blank({"N": robots}) for name, row in INTENT.items()}
+    own = np.arange(robots)
+    paths = (np.zeros((0, 2)),) * robots
+    return Intent(**{**values, "cluster": own, "leader": own}, path=paths, waits_for=("",) * robots)
 
 
 class Tells(NamedTuple):

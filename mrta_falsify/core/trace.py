@@ -6,7 +6,7 @@ import hashlib
 import json
 import operator
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,38 +20,15 @@ from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.columns import ColumnStore
 from mrta_falsify.core.durable import replacing
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.core.fleet import BlockedBy, Frame, StackEvent
+from mrta_falsify.core.fleet import INTENT, SENSED, BlockedBy, Command, Frame, StackEvent
+from mrta_falsify.core.observed import Observed, observed_in
 from mrta_falsify.core.parsing import refuse_pipe
 
 TRACE_VERSION = 1
 MAX_TABLE = 2**30  # bytes of what stands beside the columns
 
-#: columns of a trace: name -> where the value is in a frame
-SENSED_COLUMNS = (
-    "time",
-    "pose",
-    "velocity",
-    "human_position",
-    "human_velocity",
-    "obstacle_points",
-    "gap_robot",
-    "gap_human",
-    "gap_static",
-    "nearest_robot",
-    "nearest_human",
-    "contact",
-    "furniture_pose",
-)
-INTENT_COLUMNS = (
-    "phase",
-    "goal",
-    "waypoint",
-    "cluster",
-    "leader",
-    "slack",
-    "tasks_left",
-    "queue",
-)
+SENSED_COLUMNS = tuple(SENSED)
+INTENT_COLUMNS = tuple(INTENT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,8 +114,7 @@ class TraceRecorder:
     def add(self, frame: Frame) -> None:
         """Take in one frame."""
         tick = frame.sensed.tick
-        time, *rest = _frame_values(frame)
-        row = b"".join([np.asarray(time).tobytes(), *map(_bytes_of, rest)])
+        row = b"".join(map(_bytes_of, _hashed_values(frame)))
         self._hash.update(row)
         for event in frame.events:
             self._hash.update(repr(event).encode())
@@ -146,8 +122,8 @@ class TraceRecorder:
         if len(paths) != len(known) or not all(map(operator.is_, paths, known)):
             self._add_paths(tick, paths)
         if self.keep:
-            self._store = self._store or ColumnStore(_layout_of(frame))
-            self._store.add(row)
+            self._store = self._store or ColumnStore(_layout_of(frame), kept_as=_KEPT_AS)
+            self._store.add(row + b"".join(map(_bytes_of, _other_values(frame))))
             self._events.extend(frame.events)
             self._event_ticks.extend([tick] * len(frame.events))
             self._add_edges(tick, frame.blocked_by)
@@ -193,21 +169,36 @@ class TraceRecorder:
         )
 
 
-_FRAME_COLUMNS = (*SENSED_COLUMNS, "command", *INTENT_COLUMNS)
-_sensed_values = operator.attrgetter(*SENSED_COLUMNS)
-_intent_values = operator.attrgetter(*INTENT_COLUMNS)
-_bytes_of = operator.methodcaller("tobytes")
+#: what a frame is asked for, by the name of the column
+_PLACES = {
+    **{name: f"sensed.{name}" for name in SENSED},
+    "command": "command.twist",
+    **{name: f"intent.{name}" for name in INTENT},
+}
+#: of each column; the hashed ones come first in a row
+COLUMNS: dict[str, Observed] = {**SENSED, "command": observed_in(Command)["twist"], **INTENT}
+_HASHED = tuple(name for name, column in COLUMNS.items() if column.hashed)
+_OTHERS = tuple(name for name, column in COLUMNS.items() if not column.hashed)
+_KEPT_AS = {name: np.dtype(c.kept_as) for name, c in COLUMNS.items() if c.kept_as}
 
 
-def _frame_values(frame: Frame) -> tuple[Any, ...]:
-    """List the time, then arrays, in the order of ``_FRAME_COLUMNS``."""
-    return (*_sensed_values(frame.sensed), frame.command.twist, *_intent_values(frame.intent))
+def _reader(names: Sequence[str]) -> Callable[[Frame], Iterator[Any]]:
+    """Make a function that reads columns off a frame."""
+    places = [operator.attrgetter(_PLACES[name]) for name in names]
+    return lambda frame: (place(frame) for place in places)
+
+
+_hashed_values, _other_values = _reader(_HASHED), _reader(_OTHERS)
+
+
+def _bytes_of(value: Any) -> bytes:
+    return np.asarray(value).tobytes()
 
 
 def _layout_of(frame: Frame) -> np.dtype[np.void]:
     """Describe how the bytes of a frame's columns follow each other."""
-    arrays = [np.asarray(value) for value in _frame_values(frame)]
-    named = zip(_FRAME_COLUMNS, arrays, strict=True)
+    values = map(np.asarray, (*_hashed_values(frame), *_other_values(frame)))
+    named = zip((*_HASHED, *_OTHERS), values, strict=True)
     return np.dtype([(name, array.dtype, array.shape) for name, array in named])
 
 
@@ -317,36 +308,24 @@ def _check_number(number: int, below: int, where: str, low: int = 0) -> None:
 
 
 #: shapes of columns, ticks first: N robots, H people, other letters any length
-_SHAPES: dict[str, tuple[str | int, ...]] = {
-    "time": ("K",),
-    **dict.fromkeys(("pose", "velocity", "command", "contact"), ("K", "N", 3)),
-    **dict.fromkeys(("human_position", "human_velocity"), ("K", "H", 2)),
-    "obstacle_points": ("K", "N", "A", 2),
-    "furniture_pose": ("K", "F", 3),
-    **dict.fromkeys(("goal", "waypoint"), ("K", "N", 2)),
-}
-_OF_ROBOTS = ("K", "N")  # shape of all others
-_FINITE = ("time", "pose", "velocity", "command")  # columns without nan and inf
-
-
 def _check_columns(columns: Mapping[str, np.ndarray], table: _Table) -> None:
     """Refuse columns that do not fit each other."""
-    for name in (*_FRAME_COLUMNS, *columns) if columns else ():
-        if name not in columns and name != "furniture_pose":
-            raise FormatError(f"column {name} is missing")
-        if name in columns and name not in _FRAME_COLUMNS:
+    for name in (*COLUMNS, *columns) if columns else ():
+        if name not in COLUMNS:
             raise FormatError(f"column {name!r:.60} is not known")
+        if name not in columns and not COLUMNS[name].optional:
+            raise FormatError(f"column {name} is missing")
     lengths = {"K": len(columns["time"]) if columns else 0}
     lengths |= {"N": len(table.robots), "H": len(table.humans)}
     for name, column in columns.items():
-        wanted = [lengths.get(str(n), n) for n in _SHAPES.get(name, _OF_ROBOTS)]
+        wanted = [lengths.get(str(n), n) for n in ("K", *COLUMNS[name].shape)]
         fits = len(column.shape) == len(wanted) and all(
             isinstance(n, str) or n == m for n, m in zip(wanted, column.shape, strict=True)
         )
         if not fits:
             text = ", ".join(map(str, wanted))
             raise FormatError(f"column {name} has shape {column.shape}; it must be ({text})")
-        if name in _FINITE and not np.isfinite(column).all():
+        if COLUMNS[name].finite and not np.isfinite(column).all():
             raise FormatError(f"column {name} has nan or infinity; it must be finite")
 
 

@@ -6,6 +6,7 @@ H people, A obstacle points per robot.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -35,6 +36,8 @@ ROBOT_FIELDS = (
 )
 
 Message = dict[str, Any]
+
+_TOLD = tuple(field.name for field in dataclasses.fields(FleetState))
 
 
 def hello(version: str) -> Message:
@@ -132,15 +135,7 @@ def tick_message(
     """
     message: Message = {
         "type": "tick",
-        "tick": fleet.tick,
-        "time": fleet.time,
-        "pose": fleet.pose,
-        "velocity": fleet.velocity,
-        "human_position": fleet.human_position,
-        "human_velocity": fleet.human_velocity,
-        "human_radius": fleet.human_radius,
-        "obstacle_points": fleet.obstacle_points,
-        "parked_for": fleet.parked_for,
+        **{name: getattr(fleet, name) for name in _TOLD},
         "tasks": list(tasks),
         "refused": list(refused),
         "closed": closed,

@@ -26,6 +26,8 @@ LAYOUT = np.dtype(
 )
 ROWS = 50
 
+KEPT_AS = {"obstacle_points": np.dtype(np.float32)}
+
 
 def rows(seed: int = 0) -> list[bytes]:
     """Rows of random bytes that are numbers."""
@@ -55,12 +57,12 @@ def assert_same(one, other) -> None:
 
 @pytest.fixture
 def in_memory():
-    return filled(ColumnStore(LAYOUT), rows()).columns()
+    return filled(ColumnStore(LAYOUT, kept_as=KEPT_AS), rows()).columns()
 
 
 @pytest.mark.parametrize("block", [1, LAYOUT.itemsize * 7, LAYOUT.itemsize * ROWS])
 def test_files_hold_what_memory_holds(block, in_memory):
-    in_files = filled(ColumnStore(LAYOUT, block), rows()).columns()
+    in_files = filled(ColumnStore(LAYOUT, block, kept_as=KEPT_AS), rows()).columns()
     assert isinstance(in_files, FileColumns)
     assert_same(in_files, in_memory)
     assert in_files["obstacle_points"].dtype == np.float32
@@ -68,13 +70,13 @@ def test_files_hold_what_memory_holds(block, in_memory):
 
 def test_no_file_has_a_name(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    in_files = filled(ColumnStore(LAYOUT, 1), rows()).columns()
+    in_files = filled(ColumnStore(LAYOUT, 1, kept_as=KEPT_AS), rows()).columns()
     assert os.listdir(tmp_path) == []
     assert len(in_files["time"]) == ROWS
 
 
 def _send(pipe) -> None:
-    pipe.send(filled(ColumnStore(LAYOUT, 1), rows()).columns())
+    pipe.send(filled(ColumnStore(LAYOUT, 1, kept_as=KEPT_AS), rows()).columns())
     pipe.recv()
 
 
@@ -90,7 +92,7 @@ def test_another_process_reads_the_files(in_memory):
 
 def test_a_copy_that_is_taken_back_leaves_nothing_behind(in_memory):
     given = rows()
-    store = filled(ColumnStore(LAYOUT, LAYOUT.itemsize * 4), given[:21])
+    store = filled(ColumnStore(LAYOUT, LAYOUT.itemsize * 4, kept_as=KEPT_AS), given[:21])
     child = os.fork()
     if child == 0:
         filled(store, rows(seed=1))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import Command, Frame, Intent, Sensed, StackEvent
+from mrta_falsify.core.fleet import Command, Frame, StackEvent, no_intent, nothing_sensed
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import (
     Furniture,
@@ -132,32 +132,26 @@ class Script:
         gap_robot, nearest_robot = _gaps(pose[:, :2], pose[:, :2], 2 * self.radius, same=True)
         gap_human, nearest_human = _gaps(pose[:, :2], people, self.radius + 0.25)
         contact = np.stack([gap_robot < 0, gap_human < 0, np.zeros(count, dtype=bool)], axis=1)
-        sensed = Sensed(
+        sensed = dataclasses.replace(
+            nothing_sensed(count, len(people), rays=12),
             tick=tick,
             time=time,
             pose=pose,
             velocity=velocity,
             human_position=people,
-            human_velocity=np.zeros_like(people),
-            obstacle_points=np.full((count, 12, 2), np.inf),
             gap_robot=gap_robot,
             gap_human=gap_human,
-            gap_static=np.full(count, np.inf),
             nearest_robot=nearest_robot,
             nearest_human=nearest_human,
             contact=contact,
         )
         twist = velocity if self.command is None else self.command(time)
-        intent = Intent(
-            phase=np.zeros(count, dtype=np.int64),
+        intent = dataclasses.replace(
+            no_intent(count),
             goal=goal,
             waypoint=goal,
             path=tuple(self._path(i, pose[i], goal[i], time) for i in range(count)),
-            cluster=np.arange(count),
-            leader=np.arange(count),
-            slack=np.zeros(count),
             tasks_left=np.array(stops, dtype=np.int64),
-            queue=np.full(count, -1),
             waits_for=tuple(robot.waits_for for robot in self.robots),
         )
         return Frame(

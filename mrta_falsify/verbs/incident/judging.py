@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
-from mrta_falsify.core.fleet import Command, Frame, Intent, Sensed, Tells, no_intent
+from mrta_falsify.core.fleet import Command, Frame, Intent, Sensed, Tells, no_intent, nothing_sensed
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.blocked_by import BlockedByTracker
@@ -110,19 +110,10 @@ def _sensed(tick: int, time: float, pose: Array, before: Array) -> Sensed:
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     forward = cos * moved[:, 0] + sin * moved[:, 1]
     left = cos * moved[:, 1] - sin * moved[:, 0]
-    far, none = np.full(robots, np.inf), np.full(robots, -1, dtype=np.int64)
-    return Sensed(
+    return dataclasses.replace(
+        nothing_sensed(robots),
         tick=tick,
         time=time,
         pose=pose,
         velocity=np.stack([forward, left, moved[:, 2]], axis=-1),
-        human_position=np.zeros((0, 2)),
-        human_velocity=np.zeros((0, 2)),
-        obstacle_points=np.zeros((robots, 0, 2)),
-        gap_robot=far,
-        gap_human=far,
-        gap_static=far,
-        nearest_robot=none,
-        nearest_human=none,
-        contact=np.zeros((robots, 3), dtype=np.bool_),
     )
