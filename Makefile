@@ -3,6 +3,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3 || echo python3.11)
 BIN := .venv/bin
 STAMP := .venv/.installed
+EXTRAS := .venv/.extras
 KERNELS := .venv/.kernels
 WORKERS ?= 2
 # A worker that is done takes over tests of one that is not.
@@ -27,7 +28,14 @@ $(STAMP): pyproject.toml constraints.txt
 		exit 2; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { \
 		echo "Python cannot make a virtual environment; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,docs,gym,mcap,mujoco,qd,ros,video]'
+	@echo "installing into .venv (two minutes, 1.5 GB)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+
+# What tests, checks and the site need beside it; the demo does without.
+$(EXTRAS): $(STAMP)
+	@echo "installing what tests, checks and the site need (a minute, 0.7 GB)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,docs,gym,mcap,mujoco,qd,ros,video]'
 	@touch $@
 
 # It compiles what has changed; after an edit of anything else it only looks, for two seconds.
@@ -37,30 +45,30 @@ $(KERNELS): $(STAMP) tools/compile_kernels.py $(shell find mrta_falsify simulato
 demo: $(KERNELS)
 	$(BIN)/mrta-falsify demo
 
-test: $(KERNELS)
+test: $(KERNELS) $(EXTRAS)
 	$(PYTEST) -m "not long"
 
-unit: $(KERNELS)
+unit: $(KERNELS) $(EXTRAS)
 	$(PYTEST) -m "not slow and not long and not browser"
 
-long: $(KERNELS)
+long: $(KERNELS) $(EXTRAS)
 	$(PYTEST) -m long
 
-check: $(STAMP)
+check: $(EXTRAS)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(MAKE) unit
 
-format: $(STAMP)
+format: $(EXTRAS)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
 bench: $(KERNELS)
 	$(BIN)/mrta-falsify bench --format json
 
-docs: $(STAMP)
+docs: $(EXTRAS)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo build/site/index.html
 
