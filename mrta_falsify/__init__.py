@@ -28,7 +28,7 @@ VERBS = {
     "allocate": "mrta_falsify.verbs.allocate:allocate",
     "bench": "mrta_falsify.verbs.bench.benchmark:bench",
     "campaign": "mrta_falsify.verbs.campaign:campaign",
-    "certify": "mrta_falsify.verbs.certify.stored:certify_trials",
+    "certify": "mrta_falsify.verbs.certificates:certify_trials",
     "check": "mrta_falsify.verbs.check:check",
     "ci": "mrta_falsify.verbs.ci.command:ci",
     "compare": "mrta_falsify.verbs.compare:compare",

@@ -40,7 +40,8 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, judge
 from mrta_falsify.verbs.searches import run_searches
-from mrta_falsify.verbs.stored_trials import open_campaign, stored_world
+from mrta_falsify.lab.stored import stored_world
+from mrta_falsify.verbs.stored_trials import open_campaign
 
 
 def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = False) -> None:

@@ -45,7 +45,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.fleet import Frame
 from mrta_falsify.core.world import Blockage, World
-from mrta_falsify.verbs.stored_trials import stored_world
+from mrta_falsify.lab.stored import stored_world
 from mrta_falsify.lab import stack_of
 from simulator_interface.episode import Episode
 from mrta_falsify.process.supervisor import run_supervised

@@ -43,7 +43,7 @@ from mrta_falsify.verbs.minimize import minimize
 from mrta_falsify.verbs.minimize.edits import things_of
 from mrta_falsify.verbs.minimize.reruns import PERTURBED
 from mrta_falsify.verbs.minimize.sentences import minimal_text
-from mrta_falsify.verbs.stored_trials import job_of
+from mrta_falsify.lab.stored import job_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts
 

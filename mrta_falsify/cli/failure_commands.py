@@ -141,8 +141,8 @@ def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, st
     unless an ID is given.
     """
     from mrta_falsify.core import codec
+    from mrta_falsify.verbs.certificates import certify_trials
     from mrta_falsify.verbs.certify.sentences import claim_sentences
-    from mrta_falsify.verbs.certify.stored import certify_trials
 
     found = certify_trials(directory, id, run=run, trust=trust)
     certified = sum(trial.certificate is not None for trial in found)

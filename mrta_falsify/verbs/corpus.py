@@ -17,8 +17,8 @@ from mrta_falsify.core.findings import Recheck, RecheckFate
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.lab import Experiment, Lab, RunResult, certain, experiment_of_trial
 from mrta_falsify.lab.running import has_place
+from mrta_falsify.lab.stored import stored_world
 from mrta_falsify.specs.causes import kind_of, leading
-from mrta_falsify.verbs.stored_trials import stored_world
 from reports.sentences import violation_sentence
 
 JOURNAL_NAME = "corpus.journal.jsonl"  # in the campaign, until all rows are finished

@@ -15,11 +15,12 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import stack_of
+from mrta_falsify.lab.stored import kept_trace, kept_world
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.run import run as run_world
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
-from mrta_falsify.verbs.stored_trials import kept_trace, kept_world, open_campaign
+from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
 from mrta_falsify.verbs.worlds import find_world
 from reports.run_view import RunView

@@ -8,8 +8,8 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import write_world
 from mrta_falsify.lab import Lab, experiment_of_record
+from mrta_falsify.lab.stored import TRACE_NAME, WORLD_NAME, stored_world
 from mrta_falsify.verbs.folders import make_directory
-from mrta_falsify.verbs.stored_trials import TRACE_NAME, WORLD_NAME, stored_world
 from mrta_falsify.verbs.trust import Trust, of_links, permit, permit_runs
 
 

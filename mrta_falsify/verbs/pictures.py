@@ -7,7 +7,7 @@ from pathlib import Path
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.lab import stack_of
-from mrta_falsify.verbs.stored_trials import kept_trace, kept_world
+from mrta_falsify.lab.stored import kept_trace, kept_world
 from mrta_falsify.verbs.trust import map_of
 from reports.run_view import RunView
 

@@ -13,8 +13,9 @@ from mrta_falsify.core.difference import Difference
 from mrta_falsify.core.findings import ReplayCheck
 from mrta_falsify.core.record import TrialRecord, versions
 from mrta_falsify.lab import Experiment, KeptTrace, Lab, RunResult, certain, experiment_of_record
+from mrta_falsify.lab.stored import TRACE_NAME, stored_world
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stored_trials import TRACE_NAME, of_other_stack, stored_world
+from mrta_falsify.verbs.stored_trials import of_other_stack
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_runs
 from simulator_interface.external.transcript import TRANSCRIPT_NAME, read_transcript
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import shlex
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -13,8 +15,12 @@ from mrta_falsify.campaigns.store import Campaign, StoreError, log_size, owner_o
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import write_atomically
 from mrta_falsify.core.findings import Explanation, Minimisation, Recheck
+from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.core.world import World
+from mrta_falsify.trial import Judged
 from mrta_falsify.verbs.corpus import names_engine, on_recorded_engine, recheck
 from mrta_falsify.verbs.explain import MAX_RUNS, REWINDS, explain
+from mrta_falsify.verbs.explain.explaining import Keep
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.made_again import keep_run
 from mrta_falsify.verbs.minimize import minimize
@@ -27,10 +33,13 @@ from mrta_falsify.verbs.report import (
 )
 from mrta_falsify.verbs.report.cases import in_turn
 from mrta_falsify.verbs.report.neighbours import keep_neighbours
+from mrta_falsify.verbs.run import write_run
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.trust import Trust, open_to_run, permit_rechecks, permit_runs
 from mrta_falsify.verbs.workers import count_cores
+
+EXPLAINED = "explain"  # folder of the runs that `explain` keeps, beside the trial
 
 
 def explain_trial(
@@ -70,10 +79,22 @@ def explain_trial(
         record,
         max_runs=max_runs,
         rewinds=rewinds,
-        keep=keep,
+        keep=_keeping(campaign, record) if keep else None,
         workers=count_cores(workers),
         on_done=on_done,
     )
+
+
+def _keeping(campaign: Campaign, record: TrialRecord) -> Keep:
+    """Make room for the runs that are kept, and say how they are written."""
+    folder = campaign.folder(record) / EXPLAINED
+    shutil.rmtree(folder, ignore_errors=True)
+    again = shlex.join(["mrta-falsify", "explain", str(campaign.directory), record.id, "--keep"])
+
+    def write(name: str, config: StackConfig, world: World, judged: Judged) -> None:
+        write_run(judged.outcome, world, folder / name, config=config, again=again)
+
+    return write
 
 
 def minimize_trial(

@@ -32,9 +32,10 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import stack_of
+from mrta_falsify.lab.stored import WORLD_NAME, kept_world
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.stacks import costmap_of
-from mrta_falsify.verbs.stored_trials import WORLD_NAME, kept_world, open_campaign
+from mrta_falsify.verbs.stored_trials import open_campaign
 from scenic_worlds.shipped import LIBRARY
 from scenic_worlds.sources import source_files
 

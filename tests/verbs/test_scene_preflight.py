@@ -8,12 +8,12 @@ import pytest
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.seeding import stream
+from mrta_falsify.lab.stored import stored_world
 from mrta_falsify.preflight import preflight
 from mrta_falsify.verbs import scene_preflight
 from mrta_falsify.verbs.campaign import campaign
 from mrta_falsify.verbs.campaign_settings import new_settings
 from mrta_falsify.verbs.scene_preflight import ScenePreflight
-from mrta_falsify.verbs.stored_trials import stored_world
 from tests.quick_program import PROGRAM
 
 

@@ -12,8 +12,6 @@ tick on. The whole world is run without each of its things, and under other sche
 from __future__ import annotations
 
 import dataclasses
-import shlex
-import shutil
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeAlias
@@ -28,6 +26,7 @@ from mrta_falsify.core.run_result import Vote
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import Experiment, Lab, OnRun, experiment_of_job
+from mrta_falsify.lab.stored import job_of
 from mrta_falsify.specs.attribution import WORLD, suspect
 from mrta_falsify.specs.causes import cause_begins, is_outcome, leading, root_onsets
 from mrta_falsify.trial import Job, Judged
@@ -40,8 +39,6 @@ from mrta_falsify.verbs.explain.removals import Removals
 from mrta_falsify.verbs.explain.rewinding import Rewinding
 from mrta_falsify.verbs.explain.rows import RUNS, curing, failure_of, run_to_keep
 from mrta_falsify.verbs.explain.schedules import Schedules
-from mrta_falsify.verbs.run import write_run
-from mrta_falsify.verbs.stored_trials import job_of
 from simulator_interface.simulate import Outcome
 
 #: what is asked about a failure; the answers of one stand in what the next one is given
@@ -58,7 +55,6 @@ LEAD = 10.0  # s before the onset at which things are changed
 MAX_RUNS = 120  # of rows, unless the caller says otherwise
 #: writes a run: its name, the stack that took over, the world, and the run
 Keep: TypeAlias = Callable[[str, StackConfig, World, Judged], None]
-KEPT = "explain"  # folder of runs beside the trial
 JOURNAL_NAME = "explain.journal.jsonl"  # beside the trial, until all its runs are finished
 
 
@@ -68,7 +64,7 @@ def explain(
     *,
     max_runs: int = MAX_RUNS,
     rewinds: int = 0,
-    keep: bool = False,
+    keep: Keep | None = None,
     workers: int = 1,
     on_done: OnRun = lambda done, total: None,
 ) -> Explanation:
@@ -80,8 +76,8 @@ def explain(
         max_runs: runs of rows, removals and changed worlds at most; the last layers in the
             pipeline give way first.
         rewinds: copies at most, beside these, that tell when the failure was decided.
-        keep: write a run of each row that removes the failure, and one of the stack as it is in
-            the same way, into ``explain`` beside the trial: world, trace, picture and page.
+        keep: writes a run of each row that removes the failure, and one of the stack as it is in
+            the same way; None: none is kept.
         workers: processes that run rows.
         on_done: called after each run with how many are done, and how many there will be.
 
@@ -101,22 +97,10 @@ def explain(
             lab=lab,
             on_done=on_done,
             on_found=partial(write_finding, folder),
-            keep=_keeping(campaign, record) if keep else None,
+            keep=keep,
         )
     lab.journal.discard()
     return found
-
-
-def _keeping(campaign: Campaign, record: TrialRecord) -> Keep:
-    """Make room for the runs that are kept, and say how they are written."""
-    folder = campaign.folder(record) / KEPT
-    shutil.rmtree(folder, ignore_errors=True)
-    again = shlex.join(["mrta-falsify", "explain", str(campaign.directory), record.id, "--keep"])
-
-    def write(name: str, config: StackConfig, world: World, judged: Judged) -> None:
-        write_run(judged.outcome, world, folder / name, config=config, again=again)
-
-    return write
 
 
 def explain_job(

@@ -32,6 +32,7 @@ from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.lab import Lab, course_of, experiment_of_job, result_of
+from mrta_falsify.lab.stored import job_of, kept_trace, kept_world, other_stack_of
 from mrta_falsify.perturbed_runs import Comparison, compared_by_vote
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.trial import Job, Judged
@@ -40,7 +41,6 @@ from mrta_falsify.verbs.minimize.first_guess import concerned
 from mrta_falsify.verbs.minimize.nominal import NOMINAL
 from mrta_falsify.verbs.minimize.reruns import PERTURBED, OutOfRunsError, Reruns
 from mrta_falsify.verbs.minimize.search import SmallestSearch
-from mrta_falsify.verbs.stored_trials import job_of, kept_trace, kept_world, other_stack_of
 
 MAX_RUNS = 200  # simulations, unless the caller says otherwise
 JOURNAL_NAME = "minimize.cache.jsonl"  # beside the trial; a second call goes on from it

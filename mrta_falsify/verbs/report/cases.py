@@ -18,6 +18,7 @@ from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
 from mrta_falsify.lab import stack_of
+from mrta_falsify.lab.stored import other_stack_of
 from mrta_falsify.specs.attribution import WHOLE, WORLD, guess
 from mrta_falsify.specs.causes import by_cause, kind_of
 from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
@@ -25,12 +26,7 @@ from mrta_falsify.verbs.explain import NO_LAYER, decided_sentences, needs_senten
 from mrta_falsify.verbs.minimize.sentences import minimal_text
 from mrta_falsify.verbs.report.commands import commands_of, minimised_commands
 from mrta_falsify.verbs.report.neighbours import neighbour_of
-from mrta_falsify.verbs.stored_trials import (
-    compared_sentences,
-    of_other_stack,
-    other_stack_of,
-    read_run,
-)
+from mrta_falsify.verbs.stored_trials import compared_sentences, of_other_stack, read_run
 from mrta_falsify.verbs.trust import map_of
 from reports.contents import CaseContents, Neighbour
 from reports.sentences import guess_text

@@ -9,11 +9,12 @@ from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Certificate
 from mrta_falsify.core.record import TrialRecord
+from mrta_falsify.lab.stored import TRACE_NAME
 from mrta_falsify.specs.causes import DEADLOCK
 from mrta_falsify.verbs.certify.certifying import certify
 from mrta_falsify.verbs.folders import Place
 from mrta_falsify.verbs.made_again import keep_run
-from mrta_falsify.verbs.stored_trials import TRACE_NAME, open_campaign
+from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.trust import Trust, open_to_run
 
 NO_TRACE = "its trace was not kept; `--run` makes it again"
