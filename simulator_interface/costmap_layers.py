@@ -1,6 +1,6 @@
 """World to costmap: walls, furniture, blockages in their time, parked robots, inflation.
 
-Nav2 byte semantics (see ``docs/costmap.md``): a cell is lethal (254) iff the *closed* cell
+Nav2 byte semantics (see ``docs/stack.md``): a cell is lethal (254) iff the *closed* cell
 meets a footprint. All other costs follow from the distance ``d`` [m] between the centre of
 the cell and the centre of the nearest lethal cell, as in Nav2's inflation layer: 253 for
 ``d <= robot_radius``, ``floor(252 exp(-cost_scaling (d - robot_radius)))`` up to

@@ -1,6 +1,6 @@
 """Shapes of furniture, made of boxes and cylinders; for pictures, not for contacts.
 
-Robots meet the extruded footprint (docs/costmap.md), so a shape never reaches beyond its
+Robots meet the extruded footprint (docs/stack.md), so a shape never reaches beyond its
 box. A shape is built by name for any size, always with the same vertices.
 """
 

@@ -107,7 +107,7 @@ class StackEvent:
     """One line of the event table: what happened and why."""
 
     time: float  #: [s]
-    kind: str  #: for example "granted", "picked-up", "no-path"; see docs/trace.md
+    kind: str  #: for example "granted", "picked-up", "no-path"; see docs/world.md
     robot: int = -1  #: robot number, -1: none
     task: int = -1  #: task number, -1: none
     resource: str = ""  #: name of the room or resource

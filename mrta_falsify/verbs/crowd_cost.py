@@ -1,7 +1,7 @@
 """What a crowded world will cost to run, told from how much is in it before anything runs.
 
 The law is fitted to fleets of 6 to 1,000 robots with the shipped stack and all default
-specifications (docs/performance.md), by CPU time of all processes on an idle machine. It is no
+specifications (docs/evaluation.md), by CPU time of all processes on an idle machine. It is no
 promise: a fleet that jams costs several times as much, since copies of the run vote on who stands.
 """
 

@@ -343,7 +343,7 @@ struct Tick {
 };
 
 struct Event {
-    std::string kind;  // "picked-up" and "dropped-off" are claims; see docs/trace.md for others
+    std::string kind;  // "picked-up" and "dropped-off" are claims; see docs/world.md for others
     int robot = -1, task = -1;
     std::string resource, detail;
 };

@@ -2,7 +2,7 @@
 
 A Scenic time step is a few control ticks of :class:`~simulator_interface.simulate.EpisodeRun`, the
 loop that ``mrta-falsify run`` drives; robots without a behaviour are driven by the stack.
-How to use it, and what it makes of Scenic's dynamic statements: ``docs/scenic-simulator.md``.
+How to use it, and what it makes of Scenic's dynamic statements: ``docs/scenic-library.md``.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from tests.scenes.moments import SCENES
 from tests.scenes.pictures import FOLDER
 
 QUICK = ("idle_robots_make_room", "queue_tail_then_place")
-PAGE = Path(__file__).parents[2] / "docs" / "scenes.md"
+PAGE = Path(__file__).parents[2] / "docs" / "zoo.md"
 
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)

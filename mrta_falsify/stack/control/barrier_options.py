@@ -10,7 +10,7 @@ from mrta_falsify.core.codec import quantity
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CbfOptions:
-    """Distances, gains and solver of a barrier controller; see docs/control.md for reasons."""
+    """Distances, gains and solver of a barrier controller; see docs/stack.md for reasons."""
 
     dynamics: str = "unicycle"  #: registered name of the robots' dynamics
     dynamics_options: dict[str, float] = field(default_factory=dict)
