@@ -54,23 +54,31 @@ class TrialSettings:
     against: StackConfig | None = later(None)
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
     then: tuple[str, ...] = later(())  #: of them, those that are looked for last
-    seed: int = quantity(low=0, default=0, text="Same seed, same candidates.")
+    seed: int = quantity(
+        low=0, default=0, text="Seed of the campaign: the same seed gives the same candidates."
+    )
     mode: Mode = quantity(
         default="repair",
-        text="repair redraws only what is to blame for a rejected scene; exact rejects whole "
-        "scenes and so keeps Scenic's distribution.",
+        text=(
+            "Treatment of rejected scenes: `repair` redraws only the objects at fault; "
+            "`exact` redraws the whole scene and so keeps Scenic's distribution."
+        ),
     )
     early_stop: bool = True  #: end an episode once its verdict is decided
     screen: bool = quantity(
-        default=False, text="Kinematic engine first; physics only confirms what fails there."
+        default=False,
+        text=(
+            "Run each candidate on the kinematic engine first, and on the physics engine only "
+            "if it fails there."
+        ),
     )
     jittered: int = quantity(
         low=0,
         high=MAX_PERTURBED_RUNS,
         default=0,
-        text="Runs of each failing world with small differences, at most; then the search goes "
-        "for failures that most of them share, and only these count for --stop-after. "
-        f"{COMPARISON_RUNS} with --against.",
+        text="Largest number of perturbed runs (small differences) of each failing world; the "
+        "search then prefers failures that most of them share, and only these count for "
+        f"--stop-after. Default with --against: {COMPARISON_RUNS}.",
     )
     confirm: tuple[str, ...] = later(())  #: engines that robust failures are run on as well
     verify: int = quantity(
@@ -78,26 +86,33 @@ class TrialSettings:
         high=MAX_PERTURBED_RUNS,
         default=VERIFY,
         came_later=True,
-        text="Runs of each failure again, nothing changed, where the stack is a process of its "
-        "own: how often does it come again?",
+        text=(
+            "Number of unchanged repeats of each failure of a stack in a process of its own, "
+            "to count how often it comes again."
+        ),
     )
     with_shut_rooms: bool = quantity(
         default=False,
         came_later=True,
-        text="Simulate worlds, too, in which no robot fits to a room that a task needs.",
+        text="Simulate also worlds in which no robot fits through to a room that a task needs.",
     )
     tick_limit: float = quantity(
         above=0.0,
         unit="s",
         default=TICK_LIMIT,
-        text="CPU time for one tick, and sleep, after which the stack hangs; twice in two runs is "
-        "a failure.",
+        text=(
+            "Longest time of the stack for one tick [s], CPU time and sleep. Exceeding it in "
+            "two runs is a failure of the stack."
+        ),
     )
     memory_limit: float = quantity(
         above=0.0,
         unit="GiB",
         default=MEMORY_LIMIT,
-        text="Resident memory that the stack may take up; more is a failure.",
+        text=(
+            "Largest resident memory that the stack may take up [GiB]; more is a failure of "
+            "the stack."
+        ),
     )
     keep_every: int = quantity(low=1, default=50)  #: of the passing trials, one in so many traces
     directory: str = ""  #: for worlds and traces, "" : nothing is written
@@ -130,14 +145,17 @@ class CampaignSettings:
     version: int = FORMAT_VERSION
     trials: TrialSettings
     target: str = DEFAULT_TARGET  #: what a worker opens, one of ``TARGETS``
-    sampler: Choice = quantity(default=Choice("auto"), text="See `mrta-falsify plugins`.")
+    sampler: Choice = quantity(
+        default=Choice("auto"),
+        text="Sampler that proposes candidates: a name of `mrta-falsify plugins`, or module:Class.",
+    )
     cube: Cube = Cube()
     space: SearchSpace = later(SearchSpace(()))  #: names and ranges; empty: an older version
     window: int = quantity(
         low=1,
         high=1024,
         default=8,
-        text="Trials that may run before the sampler knows their results, and so at a time.",
+        text="Number of trials that may run at a time, before the sampler has their results.",
     )
     """Proposal n is asked for as soon as results 0 to n - window are told: how far workers may
     run ahead of what the sampler knows. Not the number of workers, so that 1 or 8 of them give
@@ -146,8 +164,11 @@ class CampaignSettings:
         above=0.0,
         unit="s",
         default=300.0,
-        text="Time of one trial, its copies included, after which it is killed and run again: what "
-        "its processes work, and what they all sleep.",
+        text=(
+            "Longest time of one trial, copies of its run included [s]: CPU time of all its "
+            "processes, and time in which all of them sleep. A trial beyond it is killed and "
+            "run again."
+        ),
     )
     """Changes no trial: one that needs more is not stored."""
     rules: int = quantity(low=1, default=1, came_later=True)
@@ -162,17 +183,21 @@ class Limits:
     """How much of a campaign to run; none of it changes any trial."""
 
     budget: int = quantity(
-        low=1, default=100, text="Simulated candidates, those already stored included."
+        low=1, default=100, text="Number of candidates to simulate, those already stored included."
     )
     stop_after: int = quantity(
-        low=0, default=0, text="Failures to stop at; 0 runs the whole budget."
+        low=0,
+        default=0,
+        text="Number of primary failures after which the search ends; 0 runs the whole budget.",
     )
     until_saturated: float = quantity(
         low=0.0,
         high=1.0,
         default=0.0,
-        text="Stop once the chance that another uniform trial shows a situation not seen yet is "
-        "below this, by the upper end of its 95 % interval; 0 runs the whole budget.",
+        text=(
+            "Chance of a new situation below which the search ends, by the upper end of its "
+            "95 % interval, for example 0.05; 0 runs the whole budget."
+        ),
     )
     wall_clock: float = quantity(low=0.0, unit="s", default=0.0)
     """After which no trial is begun, those that run are finished; 0: as long as it takes."""

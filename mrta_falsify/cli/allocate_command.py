@@ -26,15 +26,17 @@ MAX_LINES = 200  # stops printed as text; json prints all
     type=FILE,
     required=True,
     metavar="T.json",
-    help="Seconds from room to room, as `travel-times -o T.json` writes them.",
+    help="Matrix of travel times [s] from room to room, as `travel-times -o T.json` writes it.",
 )
 @click.option(
     "--allocator",
     default="chain",
     show_default=True,
     metavar="NAME",
-    help="Registered name or module:Class. chain is insertion, then exact within a limit of "
-    "nodes, then the best subset.",
+    help=(
+        "Allocator: a registered name or module:Class. `chain` tries insertion, then `exact` "
+        "within a limit of nodes, then the best subset."
+    ),
 )
 @click.option(
     "--capacity",
@@ -42,20 +44,22 @@ MAX_LINES = 200  # stops printed as text; json prints all
     default=2,
     show_default=True,
     metavar="N",
-    help="Loads that a robot carries.",
+    help="Number of loads that a robot can carry at once.",
 )
 @click.option(
     "--keep",
     is_flag=True,
-    help="Only append to the plan when tasks arrive, as MRTA-Sim's dispatcher does; without it "
-    "everything that has not begun may change.",
+    help=(
+        "Append new tasks to the plan, as MRTA-Sim's dispatcher does. By default every stop "
+        "that has not begun may change."
+    ),
 )
 @click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="OPTION=VALUE",
-    help="Option of the allocator, as objective=makespan. Repeatable.",
+    help="Option of the allocator, for example objective=makespan. Repeatable.",
 )
 @click.option(
     "--format",
@@ -63,10 +67,13 @@ MAX_LINES = 200  # stops printed as text; json prints all
     type=click.Choice(("text", "json", "smrta")),
     default="text",
     show_default=True,
-    help="json and smrta print one object on stdout; smrta has SMrTa's agt, ts, td, t2a.",
+    help=(
+        "Form of the output; json and smrta print one object on stdout, smrta with SMrTa's "
+        "agt, ts, td, t2a."
+    ),
 )
 def allocate_command(tasks: Path, travel_times: Path, style: str, **options: Any) -> int:
-    """Plan which robot serves which task of a task file, and prove it where none can."""
+    """Plan which robot serves which task of a task file, or prove that no plan exists."""
     from mrta_falsify.verbs.allocate import allocate, summarise_plan
 
     answer = allocate(tasks, travel_times, **options)

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
 @main.command("campaign")
 @click.argument("scenario", required=False, type=SCENARIO)
-@output_option("DIR", "A new directory.")
+@output_option("DIR", "Directory of the new campaign; it must be empty or missing.")
 @click.option(
     "--resume",
     type=FILE,
     metavar="DIR",
-    help="Go on with this campaign, with its own budget unless --budget is given.",
+    help="Directory of a campaign to continue, with its own budget unless --budget is given.",
 )
 @campaign_options
 @click.option(
@@ -50,12 +50,17 @@ if TYPE_CHECKING:
     type=Duration(),
     default=0.0,
     metavar="TIME",
-    help="End by the clock, as 8h or 30m: no trial is begun after it. In place of --budget, or "
-    "whichever comes first.",
+    help=(
+        "Time by the clock after which no trial begins, for example 8h or 30m. With --budget, "
+        "the first limit reached ends the search."
+    ),
 )
 @workers_option
 @click.option(
-    "--executor", type=component("executor"), metavar="NAME", help="Instead of local processes."
+    "--executor",
+    type=component("executor"),
+    metavar="NAME",
+    help="Executor of the trials: `processes` (default), `serial` or `dask`. It changes no result.",
 )
 @stack_options
 @against_option
@@ -64,7 +69,11 @@ if TYPE_CHECKING:
 @confirm_option
 @param_option
 @trust_option
-@click.option("--dry-run", is_flag=True, help="Run two trials, store nothing, say what it costs.")
+@click.option(
+    "--dry-run",
+    is_flag=True,
+    help="Run two trials, store nothing, and estimate the cost of the budget.",
+)
 @format_option
 @click.pass_context
 def campaign_command(
@@ -193,10 +202,10 @@ def _exit_code(result: CampaignResult) -> int:
 @click.option(
     "--stack",
     type=click.Choice(["python", "cpp"]),
-    help="A stack of your own in a process of its own, in this language.",
+    help="Language of a stack of your own to write as well.",
 )
 def init_command(directory: Path, stack: Literal["python", "cpp"] | None) -> int:
-    """Write a scenario and a stack file to begin with into DIRECTORY (default: here)."""
+    """Write a first scenario and stack file into DIRECTORY (default: here)."""
     from mrta_falsify.verbs.init import init
 
     written = init(directory, stack)

@@ -21,26 +21,37 @@ from mrta_falsify.cli.options import (
 
 @main.command("ci")
 @click.argument("project", type=FILE, default="mrta-falsify.yaml")
-@click.option("--all", "everything", is_flag=True, help="Run what has not changed, too.")
+@click.option(
+    "--all",
+    "everything",
+    is_flag=True,
+    help="Run unchanged scenarios, corpora and stacks as well.",
+)
 @click.option(
     "--fail-on",
     type=click.Choice(["any", "new"]),
     default="any",
     show_default=True,
-    help="What makes the exit code 1: anything that fails now, or only what is new.",
+    help="Failures that give exit code 1: `any` that fails now, or only `new` ones.",
 )
-@output_option("FILE.html", "The page; default: report.html in what the project keeps.")
-@click.option("--junit", type=FILE, metavar="FILE.xml", help="Also as JUnit XML.")
-@click.option("--markdown", type=FILE, metavar="FILE.md", help="Also as Markdown.")
-@click.option("--open", "opens", is_flag=True, help="Show the page in the browser.")
+@output_option(
+    "FILE.html", ("Path of the report page; default: report.html in the project's own folder.")
+)
+@click.option(
+    "--junit", type=FILE, metavar="FILE.xml", help="Path of a JUnit XML file to write as well."
+)
+@click.option(
+    "--markdown", type=FILE, metavar="FILE.md", help="Path of a Markdown file to write as well."
+)
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 @workers_option
 @trust_option
 @format_option
 def ci_command(project: Path, fail_on: str, opens: bool, style: str, **options: Any) -> int:
-    """Run what has changed since the last run of PROJECT, and say what is new and what is resolved.
+    """Run everything that changed since the last run of PROJECT; list new and resolved failures.
 
-    PROJECT is a file with scenarios, stacks and a corpus (default: mrta-falsify.yaml). What has
-    not changed is not run. Exit code 1 if something fails.
+    PROJECT is a file with scenarios, stacks and a corpus (default: mrta-falsify.yaml). Unchanged
+    parts are not run. Exit code 1 if something fails.
     """
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.ci.command import PAGE_NAME, ci

@@ -37,27 +37,40 @@ if TYPE_CHECKING:
     default="random,auto",
     show_default=True,
     metavar="A,B,...",
-    help="The first one is what the others are compared with.",
+    help="Samplers to compare, for example random,auto; the first one is the reference.",
 )
-@click.option("--repeats", type=WholeRange(min=1), default=10, show_default=True, metavar="N")
-@setting_option(Limits, "budget", text="Simulations per search.")
-@seed_option("Of the first repeat; each repeat has the next one.")
+@click.option(
+    "--repeats",
+    type=WholeRange(min=1),
+    default=10,
+    show_default=True,
+    metavar="N",
+    help="Number of searches of each sampler.",
+)
+@setting_option(Limits, "budget", text="Number of simulations of each search.")
+@seed_option("Seed of the first repeat; repeats use consecutive seeds.")
 @click.option(
     "--all-failures",
     is_flag=True,
-    help="Run each budget out, to count failure modes, instead of stopping at the first.",
+    help=(
+        "Run each search to the end of its budget and count failure modes, instead of "
+        "stopping at the first failure."
+    ),
 )
 @setting_option(
     TrialSettings,
     "jittered",
-    text="Runs of each failing world with small differences; most must fail for it to count.",
+    text=(
+        "Number of perturbed runs (small differences) of each failing world; a failure counts "
+        "if most of them fail."
+    ),
 )
 @workers_option
 @stack_options
 @spec_option
 @param_option
-@output_option("DIR", required=True)
-@click.option("--resume", is_flag=True, help="Go on with the comparison in DIR.")
+@output_option("DIR", "Directory of the searches and the comparison.", required=True)
+@click.option("--resume", is_flag=True, help="Continue the comparison in the output directory.")
 @format_option
 def compare_command(scenario: str, style: str, **options: Any) -> int:
     """Compare samplers: falsification rate, simulations to the first failure, failure modes."""

@@ -1,4 +1,4 @@
-"""The command ``completion``: what lets a shell complete commands, options and names."""
+"""The command ``completion``: the script with which a shell completes words."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PROGRAM, VARIABLE = "mrta-falsify", "_MRTA_FALSIFY_COMPLETE"  #: the variable th
 @main.command("completion")
 @click.argument("shell", type=click.Choice(SHELLS))
 def completion_command(shell: str) -> int:
-    """Print what lets a shell complete commands, options and names.
+    """Print the script with which a shell completes commands, options and names.
 
     bash: eval "$(mrta-falsify completion bash)" in ~/.bashrc.
 

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 @main.command("demo")
-@seed_option("Of the day and of both campaigns.")
+@seed_option("Seed of the day and of both campaigns.")
 @stack_options
-@output_option("DIR", default=Path("demo-run"))
+@output_option("DIR", "Directory of the day and both campaigns.", default=Path("demo-run"))
 def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **options: Path) -> int:
     """Show the main job in miniature on the AWS hospital; the last line is the report's path.
 
-    First one day in PyBullet: six robots, eight people, the stream testcase_6agents_3_3, with
-    verdicts and a picture. Then a short campaign on sampled days: it shows the first violation
-    found, or says that none was. Last, labelled as such, an example that deadlocks: a controller in
-    which each robot takes half of every evasion, where robots meet head on. The report is of the
-    campaign if it found a violation, else of the example.
+    First, one day in PyBullet: six robots, eight people, the stream testcase_6agents_3_3, with
+    verdicts and a picture. Second, a short campaign on sampled days up to its first violation.
+    Third, labelled as such, an example that deadlocks: robots meet head-on under a controller in
+    which each takes half of every evasion. The report shows the campaign if it found a violation,
+    else the example.
     """
     from mrta_falsify.verbs import demo
     from mrta_falsify.verbs.folders import make_directory

@@ -17,14 +17,17 @@ EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4")
 @main.command("export")
 @click.argument("target", metavar="WORLD|DIR")
 @click.argument("id", metavar="[ID]", required=False)
-@click.option("--format", type=click.Choice(EXPORT_FORMATS), required=True)
+@click.option(
+    "--format", type=click.Choice(EXPORT_FORMATS), required=True, help="Format of the other system."
+)
 @stack_options
 @output_option(
     "PATH",
-    "nav2: NAME.yaml, or a directory; mrta-sim, open-rmf: a directory; the others: a file.",
+    "Path to write: NAME.yaml or a directory for nav2, a directory for mrta-sim and open- "
+    "rmf, a file for the others.",
     required=True,
 )
-@run_option("Make again what the trial did not keep, its world or trace, and keep it.")
+@run_option("Run the trial again if its world or trace was not kept, and keep it.")
 @trust_option
 def export_command(target: str, id: str | None, **options: Any) -> int:
     """Write a world, or a trial of a campaign, for another system.

@@ -39,8 +39,11 @@ if TYPE_CHECKING:
     1,
     1000,
     default=120,
-    text="Runs at most: six for the stack as it is, six for each exchanged layer. Of a stack in a "
-    "process of its own: under other schedules, and without single things, too.",
+    text=(
+        "Largest number of runs: six for the stack as it is and six for each exchanged layer; "
+        "for a stack in a process of its own, also runs under other schedules and without "
+        "single things."
+    ),
 )
 @workers_option
 @count_option(
@@ -48,12 +51,18 @@ if TYPE_CHECKING:
     0,
     10000,
     default=80,
-    text="Copies at most, beside these, that repeat the run from earlier and earlier; 0: none.",
+    text=(
+        "Largest number of further runs that repeat the failure from earlier and earlier "
+        "moments, to find when it was decided; 0: none."
+    ),
 )
 @click.option(
     "--keep",
     is_flag=True,
-    help="Write a run of each exchange that removes the failure, and one of the stack as it is.",
+    help=(
+        "Write a run of each exchange that removes the failure, and one of the stack as it "
+        "is, beside the trial."
+    ),
 )
 @trust_option
 @format_option
@@ -67,9 +76,10 @@ def explain_command(
     trust: Trust,
     style: str,
 ) -> int:
-    """Ask which layer a failure belongs to, by runs with one layer exchanged before its onset.
+    """Find the layer that a failure belongs to, by runs with one layer exchanged before its onset.
 
-    Then ask when it was decided, by repeating the run from earlier and earlier.
+    Then find the moment at which it was decided, by repeating the run from earlier and earlier
+    moments.
 
     The answer is kept beside the trial and shown by `report`.
     """
@@ -130,15 +140,14 @@ def _print_explanation(found: Explanation) -> None:
 @main.command("certify")
 @click.argument("directory", type=FILE)
 @click.argument("id", metavar="[ID]", required=False)
-@run_option("Make the worlds and traces again that were not kept.")
+@run_option("Run trials again whose worlds or traces were not kept.")
 @trust_option
 @format_option
 def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, style: str) -> int:
-    """Prove deadlocks from World and trace, and write certificate.json beside their trials.
+    """Prove deadlocks from world and trace, and write certificate.json beside their trials.
 
-    A program of 150 lines without our stack checks it:
-    python -m mrta_falsify.verbs.certify.checker FOLDER. All trials with a confirmed deadlock
-    unless an ID is given.
+    Without an ID, all trials with a confirmed deadlock. An independent program of 150 lines
+    checks a certificate: python -m mrta_falsify.verbs.certify.checker FOLDER.
     """
     from mrta_falsify.core import codec
     from mrta_falsify.verbs.certificates import certify_trials
@@ -168,7 +177,10 @@ def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, st
     1,
     10000,
     default=200,
-    text="Simulations at most, beside ten of the result; a second call with more goes on.",
+    text=(
+        "Largest number of simulations, beside ten of the result; a second call with more "
+        "continues."
+    ),
 )
 @workers_option
 @trust_option
@@ -179,12 +191,11 @@ def minimize_command(
     """Find the smallest world that fails in the same way.
 
     Removes people, furniture, events, robots and tasks, one by one and then in pairs, shortens the
-    run and moves values to nominal, as long as it fails by the same mechanism: what waits for what
-    in what kind of place, however many robots do. Runs with small differences say how often the
-    result fails. Of a campaign with --against, a failure
-    that the other stack does not share must stay one. Writes world.min.json, the same as a
-    Scenic program world.min.scenic, and trace.min.zip beside the trial; `report` shows them
-    beside the original.
+    run and moves values to nominal, as long as the world fails by the same mechanism: the same
+    specification, causes of waiting and kind of place. Perturbed runs count how often the result
+    fails. In a campaign with --against the other stack must still pass. Writes world.min.json,
+    the same world as a Scenic program (world.min.scenic), and trace.min.zip beside the trial;
+    `report` shows them beside the original.
     """
     from mrta_falsify.core.findings import finding_data
     from mrta_falsify.verbs.minimize.minimising import expected_runs
@@ -239,35 +250,43 @@ def minimize_command(
     TrialSettings,
     "jittered",
     default=2,
-    text="Runs beside each failure with starts, pace and times a little different.",
+    text="Number of perturbed runs of each failure: starts, pace and times a little different.",
 )
 @workers_option
 @click.option(
     "--time-limit",
     type=FiniteRange(min=0.0, min_open=True),
     metavar="S",
-    help="Work and sleep of one run in seconds; default: the campaign's own limit, or 60 (zoo).",
+    help=(
+        "Longest time of one run [s], CPU time and sleep; default: the campaign's own limit, "
+        "or 60 (zoo)."
+    ),
 )
-@click.option("--only", multiple=True, metavar="ID", help="Run this failure. Repeatable.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="ID",
+    help="Trial to run, for example 0007; default: all failures. Repeatable.",
+)
 @removed_option("--build", "the script that `git bisect run` calls builds (docs/every-day.md)")
 @removed_option(
     "--bisect", "`git bisect run` calls `mrta-falsify corpus DIR --only ID` (docs/every-day.md)"
 )
 @click.option(
-    "--pictures", type=FILE, metavar="DIR", help="Draw each run that fails into this directory."
+    "--pictures", type=FILE, metavar="DIR", help="Directory for a picture of each run that fails."
 )
-@run_option("Sample the worlds anew that were not kept.")
+@run_option("Sample worlds again that were not kept.")
 @trust_option
 @format_option
 def corpus_command(directory: str, style: str, **options: Any) -> int:
     """Run all stored failures of a campaign on a changed stack, or the scenes of the zoo.
 
-    Each failure is fixed, still failing, flaky (only copies with small differences fail) or a
-    timeout. Without --stack and --set the campaign's own stack is run. The recorded engine is
-    kept unless --stack or --set names one.
+    Each failure is fixed, still failing, flaky (only perturbed runs fail) or a timeout. Without
+    --stack and --set the campaign's own stack runs. The recorded engine is kept unless --stack
+    or --set names one.
 
-    `corpus zoo` runs shipped scenes whose answer is known, `corpus zoo/NAME` one of them, on the
-    kinematic engine unless told otherwise. A directory of that name is ./zoo.
+    `corpus zoo` runs shipped scenes with a known answer, `corpus zoo/NAME` one of them, by
+    default on the kinematic engine. A directory of that name is ./zoo.
     """
     from mrta_falsify.verbs.zoo import is_zoo
 

@@ -32,21 +32,36 @@ DEFAULT_RADIUS = 0.22  # m; the verb's, whose module takes a while to load
     "--rooms",
     type=FILE,
     metavar="FILE",
-    help="YAML with the rooms; default: NAME.rooms.yaml beside the map.",
+    help="YAML file with the rooms; default: NAME.rooms.yaml beside the map.",
 )
-@click.option("--level", metavar="NAME", help="Of an Open-RMF building with several levels.")
+@click.option("--level", metavar="NAME", help="Level of an Open-RMF building that has several.")
 @click.option(
     "--radius",
     type=FiniteRange(0.05, 1.0),
     default=DEFAULT_RADIUS,
     show_default=True,
     metavar="M",
-    help="Of the largest robot [m].",
+    help="Radius of the largest robot [m].",
 )
-@click.option("--floor", type=FILE, help="Of a log: the building, instead of the log's map.")
-@click.option("--stack", metavar="STACK", help="Of a log: run the incident on it.")
-@click.option("--set", "settings", multiple=True, metavar="K=V", help="Change that stack.")
-@output_option("DIR", "Gets NAME.scenic and the files that it needs.", required=True)
+@click.option(
+    "--floor", type=FILE, help="Floor or map of the building, in place of the map in the log."
+)
+@click.option(
+    "--stack",
+    metavar="STACK",
+    help=(
+        "Stack to run the incident of a log on: a YAML file, `default`, exec:CMD or "
+        "connect:ADDRESS."
+    ),
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="K=V",
+    help="Layer or option of that stack to change, for example planner=ompl. Repeatable.",
+)
+@output_option("DIR", "Directory for NAME.scenic and the files that it needs.", required=True)
 @format_option
 def import_command(map: Path, style: str, **options: Any) -> int:
     """Make a scenario of a building's map, or of a log of a fleet.

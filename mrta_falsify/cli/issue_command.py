@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 @main.command("issue")
 @trial_arguments
-@output_option("DIR", "Default: issue beside the trial.")
-@run_option("Make again what the trial did not keep, its world or trace, and keep it.")
+@output_option("DIR", "Directory for the issue and its files; default: `issue` beside the trial.")
+@run_option("Run the trial again if its world or trace was not kept, and keep it.")
 @trust_option
 @format_option
 def issue_command(
     directory: Path, id: str, output: Path | None, run: bool, trust: Trust, style: str
 ) -> int:
-    """Write a failure as an issue for a tracker, in Markdown, with all that belongs to it.
+    """Write a failure as an issue for a tracker, in Markdown, with world, pictures and commands.
 
     What happened in two sentences, the world (the smallest one after `minimize`), commands,
     versions, a picture and a GIF; the scene for Nav2, MRTA-Sim and Open-RMF.

@@ -45,14 +45,14 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
 
 
 @main.command("bench")
-@fleets_option("6,24,50,100,200", "Fleet sizes to run.")
+@fleets_option("6,24,50,100,200", "Sizes of the fleets, for example 6,24.")
 @click.option(
     "--seconds",
     type=FiniteRange(min=10.0),
     default=60.0,
     show_default=True,
     metavar="SECONDS",
-    help="Simulated time per fleet size.",
+    help="Simulated time for each fleet [s].",
 )
 @click.option(
     "--engine",
@@ -62,7 +62,7 @@ def fleets_option(default: str, text: str) -> Callable[[Command], Command]:
     default=("bullet", "kinematic"),
     show_default=True,
     metavar="NAME",
-    help="Run the fleets on this engine beside the stack's own. Repeatable.",
+    help="Further engine to run the fleets on, beside the stack's own. Repeatable.",
 )
 @stack_options
 @format_option
@@ -110,8 +110,10 @@ def _print_figures(data: dict[str, Any], indent: str = "") -> None:
     "--schemas",
     type=FILE,
     metavar="DIR",
-    help="Directory to write JSON Schemas of stack, project, floor, tasks and world files to, "
-    "by which editors complete and check them.",
+    help=(
+        "Directory for JSON Schemas of stack, project, floor, tasks and world files, with "
+        "which editors complete and check them."
+    ),
 )
 @format_option
 def plugins_command(schemas: Path | None, style: str) -> int:
@@ -161,7 +163,7 @@ def doctor_command(style: str) -> int:
 
 @main.command("stack-test")
 @click.argument("command", metavar="CMD|FILE")
-@fleets_option("6,24,100", "Fleet sizes whose ticks are timed.")
+@fleets_option("6,24,100", "Sizes of the fleets whose ticks are timed, for example 6,24,100.")
 @format_option
 def stack_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
     """Test a stack in a process of its own: protocol, determinism, copies, speed.

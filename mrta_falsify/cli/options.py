@@ -204,7 +204,7 @@ def format_option(command: Command) -> Command:
         type=click.Choice(FORMATS),
         default="text",
         show_default=True,
-        help="json prints one JSON object on stdout and nothing else there.",
+        help="Form of the output; json prints one JSON object on stdout and nothing else there.",
     )(cast("Command", answering))
 
 
@@ -231,13 +231,19 @@ def stack_options(command: Command) -> Command:
         "settings",
         multiple=True,
         metavar="LAYER[.OPTION]=VALUE",
-        help="Choose an implementation or set an option; defects=[a,b] plants defects. Repeatable.",
+        help=(
+            "Layer or option to change after --stack, for example planner=ompl or "
+            "planner.iterations=5000; defects=[a,b] plants faults. Repeatable."
+        ),
     )(command)
     return click.option(
         "--stack",
         metavar=STACK,
-        help="YAML with a name or options per layer, `default`, or a stack's own command or "
-        "address.",
+        help=(
+            "Stack under test: a YAML file with a name or options per layer, `default` (the "
+            "shipped one), exec:CMD for a program of yours, or connect:ADDRESS for one that "
+            "runs already."
+        ),
     )(command)
 
 
@@ -246,8 +252,11 @@ def against_option(command: Command) -> Command:
     return click.option(
         "--against",
         metavar=STACK,
-        help="Look for worlds on which this stack fails robustly and that one passes. Its engine "
-        "and people are those of this stack.",
+        help=(
+            "Other stack, in the forms of --stack: search for worlds in which the stack under "
+            "test fails robustly and this one passes. It gets the engine and people of the "
+            "stack under test."
+        ),
     )(command)
 
 
@@ -259,7 +268,10 @@ def spec_option(command: Command) -> Command:
         type=component("specification"),
         multiple=True,
         metavar="NAME",
-        help="Judge this specification; stl:FORMULA for your own. Repeatable; default: all.",
+        help=(
+            "Specification to judge, or stl:FORMULA for your own. Repeatable; default: all "
+            "that judge by default."
+        ),
     )(command)
 
 
@@ -283,8 +295,10 @@ def confirm_option(command: Command) -> Command:
         type=Listing(str, "names of engines, as bullet,mujoco"),
         default=(),
         metavar="ENGINE,...",
-        help="Run each robust failure on these engines as well, with copies: where else does it "
-        "fail?",
+        help=(
+            "Engines to run each robust failure on as well, with perturbed runs, for example "
+            "bullet,mujoco."
+        ),
     )(command)
 
 
@@ -296,7 +310,10 @@ def param_option(command: Command) -> Command:
         "params",
         multiple=True,
         metavar="NAME=VALUE",
-        help="Override a global parameter of the Scenic program. Repeatable.",
+        help=(
+            "Value of a global parameter of the Scenic program, for example horizon=300. "
+            "Repeatable."
+        ),
     )(command)
 
 
@@ -312,9 +329,11 @@ def trust_option(command: Command) -> Command:
         "--trust",
         is_flag=True,
         callback=lambda context, option, value: output.say if value else False,
-        help="Run what is not ours and stands in the folder: its program, its stack's command, its "
-        "components. Needed where the folder was not made by you on this machine; remembered as "
-        "long as these do not change.",
+        help=(
+            "Allow the folder's own code to run: its program, its stack's command, its "
+            "components. Needed for a folder that you did not make on this machine; "
+            "remembered until that code changes."
+        ),
     )(command)
 
 
@@ -329,7 +348,7 @@ def workers_option(command: Command) -> Command:
         "--workers",
         type=WholeRange(1, MAX_WORKERS),
         metavar="W",
-        help="Processes; default: one per core. Changes no result.",
+        help="Number of worker processes; default: one per core. It changes no result.",
     )(command)
 
 

@@ -36,9 +36,13 @@ SHOWN_REJECTERS = 10
 SCENARIO_HELP = "SCENARIO is a Scenic program (.scenic) or the name of a shipped one."
 
 _mode_option = setting_option(TrialSettings, "mode")
-_seed_option = seed_option("Of the campaign whose first candidates are drawn.")
+_seed_option = seed_option("Seed of the random campaign whose first candidates are drawn.")
 _attempts_option = count_option(
-    "--max-attempts", 1, 1_000_000, default=3000, text="Scenes to try for each candidate."
+    "--max-attempts",
+    1,
+    1_000_000,
+    default=3000,
+    text="Largest number of scenes to try for each candidate.",
 )
 
 
@@ -48,14 +52,15 @@ def _count_option(default: int, text: str) -> Callable[[Command], Command]:
 
 @main.command("check", epilog=SCENARIO_HELP)
 @click.argument("scenarios", nargs=-1, metavar="SCENARIO...", type=SCENARIO)
-@click.option("--all", "everything", is_flag=True, help="All shipped programs.")
-@_count_option(20, "Scenes.")
+@click.option("--all", "everything", is_flag=True, help="Check all shipped programs.")
+@_count_option(20, "Number of scenes to sample.")
 @_seed_option
 @param_option
 @_mode_option
 @_attempts_option
 @output_option(
-    "DIR", "Write check.json and contact_sheet.png (of several programs: in a directory each)."
+    "DIR",
+    ("Directory for check.json and contact_sheet.png (for several programs: a directory each)."),
 )
 @format_option
 def check_command(
@@ -64,10 +69,10 @@ def check_command(
     style: str,
     **options: Any,
 ) -> int:
-    """Compile and sample Scenic programs: dimensions, speed, who rejects, lint.
+    """Compile, sample and lint Scenic programs: dimensions, speed, causes of rejection.
 
-    Of one program everything is told, of several (or --all) a table. The scenes are the
-    first candidates of a random campaign with the same seed.
+    One program is shown in full, several (or --all) as a table. The scenes are the first
+    candidates of a random campaign with the same seed.
     """
     if bool(scenarios) == everything:
         raise click.UsageError("give a SCENARIO or several, or --all")
@@ -276,7 +281,7 @@ def _values(dimension: Dimension) -> str:
 
 @main.command("sample", epilog=SCENARIO_HELP)
 @click.argument("scenario", type=SCENARIO)
-@_count_option(10, "Worlds.")
+@_count_option(10, "Number of worlds to write.")
 @_seed_option
 @param_option
 @_mode_option
@@ -284,8 +289,8 @@ def _values(dimension: Dimension) -> str:
 @stack_options
 @output_option(
     "DIR",
-    "Gets world_NNN.json with a picture (.png) and a Nav2 map (.yaml, .pgm) each, "
-    "contact_sheet.png and samples.json.",
+    "Directory for world_NNN.json, each with a picture (.png) and a Nav2 map (.yaml, "
+    ".pgm), contact_sheet.png and samples.json.",
     required=True,
 )
 def sample_command(scenario: str, count: int, **options: Any) -> int:

@@ -23,31 +23,41 @@ from mrta_falsify.cli.options import (
 
 @main.command("report")
 @click.argument("directory", type=FILE)
-@output_option("FILE.html", "Default: DIR/report.html.")
-@click.option("--junit", type=FILE, metavar="FILE.xml", help="Also as JUnit XML.")
-@click.option("--markdown", type=FILE, metavar="FILE.md", help="Also as Markdown.")
+@output_option("FILE.html", "Path of the page; default: DIR/report.html.")
 @click.option(
-    "--against", type=FILE, metavar="DIR2", help="Compare with a campaign on another stack."
+    "--junit", type=FILE, metavar="FILE.xml", help="Path of a JUnit XML file to write as well."
+)
+@click.option(
+    "--markdown", type=FILE, metavar="FILE.md", help="Path of a Markdown file to write as well."
+)
+@click.option(
+    "--against",
+    type=FILE,
+    metavar="DIR2",
+    help="Directory of a campaign on another stack to compare with.",
 )
 @count_option(
     "--cases",
     1,
     1000,
     default=20,
-    text="Failures to show in full at most; those without room on the page are files beside it.",
+    text=(
+        "Largest number of failures to show in full; those that do not fit on the page become "
+        "files beside it."
+    ),
 )
 @click.option(
     "--beside",
     is_flag=True,
-    help="Run the nearest passing trial of each mode again, and show it beside the failure.",
+    help="Run the nearest passing trial of each mode again and show it beside the failure.",
 )
-@run_option("Make the worlds and traces of failures again that were not kept.")
+@run_option("Run failures again whose worlds or traces were not kept.")
 @trust_option
 @click.option(
     "--watch",
     type=FiniteRange(0.5, 3600.0),
     metavar="SECONDS",
-    help="Write the page again while the campaign runs, at most this often, as 5.",
+    help="Shortest time between rewrites of the page while the campaign runs [s], for example 5.",
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 def report_command(directory: Path, watch: float | None, opens: bool, **options: Any) -> int:

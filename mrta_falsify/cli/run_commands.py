@@ -39,22 +39,44 @@ WORLD_HELP = (
     "--seed",
     type=WholeRange(min=0),
     metavar="N",
-    help="Vary a fixed world (starts within 0.2 m, people's phase and pace, sensor noise), or "
-    "sample a program. Without it a fixed world runs exactly as written.",
+    help=(
+        "Seed that varies a fixed world (starts within 0.2 m, people's phase and pace, sensor "
+        "noise) or samples a program. By default a fixed world runs exactly as written, and a "
+        "program is sampled with 0."
+    ),
 )
 @stack_options
-@click.option("--tasks", type=FILE, metavar="FILE", help="Task stream (MRTA-Sim testcase JSON).")
-@click.option("--robots", type=FILE, metavar="FILE", help="Robot starts (`agents:` YAML or JSON).")
-@click.option("--humans", type=FILE, metavar="FILE", help="People's routes (waypoint YAML).")
+@click.option(
+    "--tasks",
+    type=FILE,
+    metavar="FILE",
+    help="Task stream in place of the world's: MRTA-Sim's testcase JSON.",
+)
+@click.option(
+    "--robots",
+    type=FILE,
+    metavar="FILE",
+    help="Robot starts in place of the world's: YAML or JSON with `agents:`.",
+)
+@click.option(
+    "--humans",
+    type=FILE,
+    metavar="FILE",
+    help="People's routes in place of the world's: YAML with waypoints.",
+)
 @spec_option
 @setting_option(TrialSettings, "tick_limit")
 @setting_option(TrialSettings, "memory_limit")
 @output_option(
-    "DIR", "Write world.json, stack.yaml, trace.zip, verdicts.json, picture.png, report.html."
+    "DIR",
+    (
+        "Directory for world.json, stack.yaml, trace.zip, verdicts.json, picture.png and "
+        "report.html."
+    ),
 )
-@click.option("--gui", is_flag=True, help="Show the physics engine's window.")
-@click.option("--gif", is_flag=True, help="Also write run.gif.")
-@click.option("--mp4", is_flag=True, help="Also write run.mp4 (needs the extra `video`).")
+@click.option("--gui", is_flag=True, help="Show the window of the physics engine.")
+@click.option("--gif", is_flag=True, help="Write run.gif as well.")
+@click.option("--mp4", is_flag=True, help="Write run.mp4 as well (needs the extra `video`).")
 @format_option
 def run_command(
     world: str,
@@ -148,20 +170,27 @@ def print_run(summary: RunSummary) -> None:
 
 @main.command("travel-times", epilog=WORLD_HELP)
 @click.argument("world", type=WORLD)
-@click.option("--iterations", type=WholeRange(1, 1000), default=3, show_default=True, metavar="N")
+@click.option(
+    "--iterations",
+    type=WholeRange(1, 1000),
+    default=3,
+    show_default=True,
+    metavar="N",
+    help="Number of trips of each pair of rooms.",
+)
 @click.option(
     "--statistic",
     type=click.Choice(("max", "mean", "p95")),
     default="max",
     show_default=True,
-    help="What a JSON file holds per pair.",
+    help="Statistic over the trips of a pair that a JSON file holds.",
 )
-@seed_option("Of the start offsets.")
+@seed_option("Seed of the start offsets.")
 @stack_options
 @output_option(
     "FILE",
-    "FILE.csv gets the raw samples, FILE.json the matrix that `allocate` reads. An "
-    "interrupted measurement goes on where it stopped.",
+    "File to write: FILE.csv for the raw samples, FILE.json for the matrix that "
+    "`allocate` reads. An interrupted measurement continues.",
     required=True,
 )
 def travel_times_command(

@@ -34,13 +34,14 @@ if TYPE_CHECKING:
 
 @main.command("list")
 @click.argument("directory", type=FILE)
-@click.option("--failed", is_flag=True, help="Only trials that violate a specification.")
+@click.option("--failed", is_flag=True, help="List only trials that violate a specification.")
 @click.option(
     "--format",
     "style",
     type=click.Choice(("table", "json", "csv")),
     default="table",
     show_default=True,
+    help="Form of the list.",
 )
 def list_command(directory: Path, failed: bool, style: str) -> int:
     """List the trials of a campaign."""
@@ -210,10 +211,16 @@ def _verdict_line(verdict: Verdict) -> str:
 
 @main.command("replay")
 @trial_arguments
-@count_option("--verify", 1, 1000, default=1, text="Run it so many times.")
-@click.option("--live", is_flag=True, help="Ask a stack in a process of its own again.")
+@count_option("--verify", 1, 1000, default=1, text="Number of repeats whose digests are compared.")
 @click.option(
-    "--against", is_flag=True, help="The run of the stack that the campaign compares with."
+    "--live",
+    is_flag=True,
+    help="Run a stack in a process of its own again, instead of using its stored answers.",
+)
+@click.option(
+    "--against",
+    is_flag=True,
+    help="Replay the run of the other stack, in a campaign with --against.",
 )
 @trust_option
 @format_option
