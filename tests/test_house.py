@@ -123,6 +123,22 @@ def _pages() -> list[Path]:
     return sorted((page for pattern in patterns for page in ROOT.glob(pattern)), key=str)
 
 
+def test_every_place_that_the_architecture_names_exists():
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    folders = "mrta_falsify|simulator_interface|scenic_worlds|samplers|reports|docs|tests"
+    paths = re.findall(rf"`((?:{folders})/[\w/.]+)`", text)
+    assert len(paths) > 30
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    names = re.findall(r"`(\w+)` (?:in|\()\s?`([\w/]+\.py)`", text)
+    assert len(names) > 5
+    missing = [
+        (name, path)
+        for name, path in names
+        if (ROOT / path).is_file() and not re.search(rf"\b{name}\b", (ROOT / path).read_text())
+    ]
+    assert missing == []
+
+
 @pytest.mark.parametrize("page", _pages())
 def test_links_between_documents_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)", page.read_text()):

@@ -198,7 +198,7 @@ def measure_tracking(setting: Setting, model: str) -> Tracking:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=5.0, help="simulated, per setting")
-    parser.add_argument("--markdown", action="store_true", help="for docs/engine.md")
+    parser.add_argument("--markdown", action="store_true", help="as a Markdown table")
     options = parser.parse_args()
     heads = ("setting", "start ms", "tick ms", "x real time", "speed %", "turn %", "lag ms",
              "creep mm")  # fmt: skip

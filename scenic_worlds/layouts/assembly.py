@@ -18,7 +18,7 @@ from simulator_interface.formats.outlines import merged_runs
 MARGIN = 0.3  # m of solid around everything
 SAME = 1e-6  # m; coordinates this near are one
 THINNEST = 1e-3  # m; solids thinner than this are left out
-# One robot alone drives length / 0.76 m/s + 1.3 s, spread 0.7 s (docs/layouts.md); this is
+# One robot alone drives length / 0.76 m/s + 1.3 s, spread 0.7 s; this is
 # a little slower, as floors with traffic are.
 DRIVEN_SPEED = 0.72  # m/s
 TURNS = 2.0  # s, for the turns in and out
