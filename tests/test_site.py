@@ -13,6 +13,7 @@ import pytest
 
 import mrta_falsify as mf
 from mrta_falsify.cli.group import COMMANDS
+from mrta_falsify.core import registry
 from tests.browser import browser, find
 
 pytestmark = pytest.mark.slow  # builds the site, in about 10 s of CPU
@@ -85,6 +86,9 @@ def test_every_command_and_every_public_name_is_on_the_site(site, pages):
     told = pages[site / "api/commands.html"].names | pages[site / "api/values.html"].names
     assert {home.replace(":", ".") for home in mf.HOMES.values()} <= told
     assert "mrta_falsify.core.protocols.Sampler" in pages[site / "api/protocols.html"].names
+    components = {name for point in registry.EXTENSION_POINTS for name in registry.names(point)}
+    assert components <= pages[site / "components.html"].names
+    assert {"frame", "sensed", "controlview"} <= pages[site / "fields.html"].names
 
 
 @pytest.mark.browser

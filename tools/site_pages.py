@@ -1,15 +1,19 @@
 """What the documentation's site has beside the pages of docs/: a hook of MkDocs.
 
 - Files of the repository that pages link to become pages below ``sources/``, and links lead there.
-- ``options.md`` and ``api/`` are made from the parser and from the public names.
+- ``options.md``, ``api/``, ``components.md`` and ``fields.md`` are made from the parser, the public
+  names, the registry, and the comments beside fields.
 """
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import functools
 import inspect
 import os
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +26,7 @@ import mrta_falsify as mf
 from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
+from mrta_falsify.core import fleet, protocols, registry
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -147,6 +152,8 @@ def _made_pages() -> dict[str, str]:
     verbs = {name: homes.pop(name) for name in mf.VERBS}
     return {
         "options.md": options_page(),
+        "components.md": components_page(),
+        "fields.md": fields_page(),
         "api/commands.md": _api("Python: commands", "Functions named as the commands.", verbs),
         "api/values.md": _api("Python: values and files", "The other names of `mf`.", homes),
         "api/protocols.md": "# Python: protocols\n\nWhat a layer, an engine, a sampler, a "
@@ -210,3 +217,85 @@ def _range(kind: dict[str, Any]) -> str:
     begin = "" if low is None else f"{'above' if kind.get('min_open') else 'from'} {low:g}"
     end = "" if high is None else f"to {high:g}"
     return f"{begin} {end}".strip().capitalize() + ("." if begin or end else "")
+
+
+# --- fields with the comments beside them -------------------------------------------------------
+
+
+def fields_page() -> str:
+    """Write the page of what a tick consists of, from the comments in its source."""
+    begin = (
+        "# Fields of a tick\n\nWhat specifications, controllers and traces see of one control "
+        "tick. N robots, H people, A obstacle points for each robot; map frame unless it says "
+        "body frame. Made from the source.\n"
+    )
+    seen = (
+        fleet.Frame,
+        fleet.Sensed,
+        fleet.FleetState,
+        fleet.Command,
+        fleet.Intent,
+        fleet.StackEvent,
+        fleet.BlockedBy,
+        protocols.ControlView,
+        protocols.ControlResult,
+    )
+    return "\n".join([begin, *(f"## {kind.__name__}\n\n{_fields_of(kind)}" for kind in seen)])
+
+
+def components_page() -> str:
+    """Write the page of all components and their options, from the registry."""
+    lines = [
+        "# Layers and their options\n\nEvery registered component, with the options that "
+        "`--set LAYER.OPTION=VALUE` or a stack file sets. Made from the source.\n"
+    ]
+    for point in registry.EXTENSION_POINTS:
+        names = registry.names(point)
+        lines += [f"## {point}\n"] if names else []
+        for name in names:
+            component = registry.load(point, name)
+            summary = inspect.cleandoc(component.__doc__ or "").split("\n\n")[0]
+            lines += [f"### {name}\n", " ".join(summary.split()).replace("``", "`") + "\n"]
+            lines += [_fields_of(component.Options)]
+    return "\n".join(lines)
+
+
+def _fields_of(kind: type) -> str:
+    """Make a table of a dataclass's fields: default with unit, comment and range."""
+    comments = {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
+    rows = []
+    for field in dataclasses.fields(kind):
+        rule = field.metadata.get("rule")
+        unit = f" {rule.unit}" if rule is not None and rule.unit else ""
+        default = "" if field.default is dataclasses.MISSING else f"`{field.default!r}`{unit}"
+        notes = [comments.get(field.name, ""), _limits(rule) if rule is not None else ""]
+        text = "; ".join(note for note in notes if note).replace("|", "\\|").replace("``", "`")
+        rows.append(f"| `{field.name}` | {default} | {text} |")
+    if not rows:
+        return "No options.\n"
+    return "\n".join(["| Field | Default | |", "|---|---|---|", *rows, ""])
+
+
+def _limits(rule: Any) -> str:
+    bounds = {"from": rule.low, "above": rule.above, "to": rule.high}
+    found = " ".join(f"{word} {value:g}" for word, value in bounds.items() if value is not None)
+    return found
+
+
+def _comments(kind: type) -> Iterator[tuple[str, str]]:
+    """Find the comments ``#:`` beside the fields of a class, or above them."""
+    try:
+        lines = textwrap.dedent(inspect.getsource(kind)).splitlines()
+    except (OSError, TypeError):
+        return
+    (node,) = ast.parse("\n".join(lines)).body
+    assert isinstance(node, ast.ClassDef)
+    for part in node.body:
+        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name):
+            above = []
+            line = part.lineno - 2
+            while lines[line].strip().startswith("#:"):
+                above.insert(0, lines[line].strip().removeprefix("#:").strip())
+                line -= 1
+            beside = lines[(part.end_lineno or part.lineno) - 1].partition("#:")[2].strip()
+            yield part.target.id, " ".join([*above, beside]).strip()

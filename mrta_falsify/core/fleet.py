@@ -81,7 +81,7 @@ def nothing_sensed(robots: int, people: int = 0, rays: int = 0) -> Sensed:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FleetState:
-    """What the stack is told: localisation with its noise, humans, obstacle points."""
+    """Input of the stack: localisation with its noise, humans, obstacle points."""
 
     tick: int
     time: float  #: [s]
@@ -129,7 +129,7 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intent:
-    """What the stack says of itself each tick; the oracle uses goals and paths, not claims."""
+    """What the stack reports each tick; the oracle uses goals and paths, not claims."""
 
     phase: Annotated[IntArray, Observed(("N",), Phase.OFF.value)]  #: values of :class:`Phase`
     #: room point or spot the robot finally heads for [m], nan: none
@@ -159,7 +159,7 @@ def no_intent(robots: int) -> Intent:
 
 
 class Tells(NamedTuple):
-    """What a stack tells of itself; a specification that needs what is missing cannot judge."""
+    """What a stack reports; a specification that needs what is missing cannot judge."""
 
     deliveries: bool = True  #: events ``picked-up`` and ``dropped-off``
     goals: bool = True  #: ``Intent.goal`` and ``Intent.tasks_left``
@@ -191,12 +191,12 @@ class Frame:
     command: Command
     intent: Intent
     events: tuple[StackEvent, ...]
-    served: IntArray  #: (N,) stops done to date that motion confirms, whatever the stack says
+    served: IntArray  #: (N,) stops done to date, as motion confirms
     confirmed: tuple[StackEvent, ...] = ()  #: stops claimed in this tick that motion confirms
-    refused: tuple[Refusal, ...] = ()  #: those that it contradicts; what is repeated, once
+    refused: tuple[Refusal, ...] = ()  #: claims that motion contradicts, each once
     blocked_by: tuple[BlockedBy, ...] = ()
     signals: Mapping[str, float] = field(default_factory=dict)  #: extra named signals
-    tells: Tells = Tells()  #: what the stack tells; the same in every frame of an episode
+    tells: Tells = Tells()  #: what the stack reports; the same in every frame of an episode
     determinism: DeterminismCheck | None = None  #: what the stack answered again; None: not asked
 
     @property
