@@ -90,7 +90,7 @@ def test_every_kind_of_event_that_the_stack_writes_is_documented():
 
 
 def test_every_column_of_a_trace_is_documented_with_its_shape():
-    page = (ROOT / "docs" / "trace.md").read_text()
+    page = (ROOT / "docs" / "world.md").read_text()
     rows = {
         (name, shape)
         for names, shape in re.findall(r"^\| (`[^|]+`) \| (\([^|]+\)) \|", page, re.MULTILINE)

@@ -27,6 +27,7 @@ from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
 from mrta_falsify.core import fleet, protocols, registry
+from mrta_falsify.core.observed import observed_in
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -263,13 +264,19 @@ def components_page() -> str:
 def _fields_of(kind: type) -> str:
     """Make a table of a dataclass's fields: default with unit, comment and range."""
     comments = {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
+    shapes = {name: row.shape for name, row in observed_in(kind).items()}
     rows = []
     for field in dataclasses.fields(kind):
         rule = field.metadata.get("rule")
         unit = f" {rule.unit}" if rule is not None and rule.unit else ""
         default = "" if field.default is dataclasses.MISSING else f"`{field.default!r}`{unit}"
-        notes = [comments.get(field.name, ""), _limits(rule) if rule is not None else ""]
-        text = "; ".join(note for note in notes if note).replace("|", "\\|").replace("``", "`")
+        shape = str(shapes[field.name]).replace("'", "") if shapes.get(field.name) else ""
+        notes = [
+            f"{shape} {comments.get(field.name, '')}".strip(),
+            _limits(rule) if rule is not None else "",
+        ]
+        text = "; ".join(note for note in notes if note)
+        text = re.sub(r":\w+:(?=`)", "", text.replace("|", "\\|").replace("``", "`"))
         rows.append(f"| `{field.name}` | {default} | {text} |")
     if not rows:
         return "No options.\n"
