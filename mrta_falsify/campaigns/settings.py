@@ -101,8 +101,8 @@ class TrialSettings:
         unit="s",
         default=TICK_LIMIT,
         text=(
-            "Longest time of the stack for one tick [s], CPU time and sleep. Exceeding it in "
-            "two runs is a failure of the stack."
+            "Longest time that the stack may take for one tick [s]: CPU time and sleep. "
+            "More in two runs is a failure of the stack."
         ),
     )
     memory_limit: float = quantity(
@@ -183,7 +183,7 @@ class Limits:
     """How much of a campaign to run; none of it changes any trial."""
 
     budget: int = quantity(
-        low=1, default=100, text="Number of candidates to simulate, those already stored included."
+        low=1, default=100, text="Total number of candidates to simulate, stored ones included."
     )
     stop_after: int = quantity(
         low=0,
@@ -195,8 +195,9 @@ class Limits:
         high=1.0,
         default=0.0,
         text=(
-            "Chance of a new situation below which the search ends, by the upper end of its "
-            "95 % interval, for example 0.05; 0 runs the whole budget."
+            "Chance that another trial shows a new situation: the search ends once the "
+            "upper end of its 95 % interval is below this, for example 0.05. 0 runs the "
+            "whole budget."
         ),
     )
     wall_clock: float = quantity(low=0.0, unit="s", default=0.0)

@@ -253,9 +253,9 @@ def against_option(command: Command) -> Command:
         "--against",
         metavar=STACK,
         help=(
-            "Other stack, in the forms of --stack: search for worlds in which the stack under "
-            "test fails robustly and this one passes. It gets the engine and people of the "
-            "stack under test."
+            "Other stack, in the forms of --stack: the search looks for worlds in which "
+            "the stack under test fails robustly and the other one passes. It gets the "
+            "engine and people of the stack under test."
         ),
     )(command)
 
@@ -269,8 +269,8 @@ def spec_option(command: Command) -> Command:
         multiple=True,
         metavar="NAME",
         help=(
-            "Specification to judge, or stl:FORMULA for your own. Repeatable; default: all "
-            "that judge by default."
+            "Specification to judge, or stl:FORMULA for your own. Repeatable; without it "
+            "the default specifications judge."
         ),
     )(command)
 
