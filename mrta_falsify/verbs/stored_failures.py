@@ -53,7 +53,7 @@ def explain_trial(
     trust: Trust = False,
     on_done: Callable[[int, int], None] = lambda done, total: None,
 ) -> Explanation:
-    """Ask which layer a failure belongs to, by re-runs with one thing changed before its onset.
+    """Find the layer that a failure belongs to, by re-runs with one thing changed before its onset.
 
     The answer is kept beside the trial, for the report.
 
