@@ -18,6 +18,7 @@ from PIL import Image, ImageColor, ImageDraw, ImageFont
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.durable import naming, replacing, write_atomically
 from mrta_falsify.core.errors import ConfigError
+from mrta_falsify.core.exporting import Exported
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.specs.books import confirmed
 from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
@@ -212,3 +213,37 @@ def _draw_banner(draw: ImageDraw.ImageDraw, view: RunView, tick: int, speed: flo
     draw.rectangle((0, 0, draw.im.size[0], BANNER), fill=INK)
     font = cast(ImageFont.FreeTypeFont, ImageFont.load_default(size=15))
     draw.text((8, 4), text, fill="white", font=font)
+
+
+# --- as formats of `export` -------------------------------------------------------------------
+
+
+class Gif:
+    """An animated run that repeats."""
+
+    of_run, of_folder = True, False
+    _write = staticmethod(write_gif)
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Nothing to choose."""
+
+    def __init__(self, options: Options) -> None:
+        del options
+
+    def write(self, exported: Exported, path: Path) -> tuple[Path, ...]:
+        """See :class:`~mrta_falsify.core.exporting.Exporter`."""
+        view = RunView(
+            world=exported.world,
+            trace=exported.run(),
+            verdicts=exported.verdicts,
+            costmap=exported.picture_map(),
+        )
+        self._write(view, path)
+        return (path,)
+
+
+class Mp4(Gif):
+    """A video of a run."""
+
+    _write = staticmethod(write_mp4)

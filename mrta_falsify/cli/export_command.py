@@ -9,16 +9,19 @@ import click
 from mrta_falsify.cli import output
 from mrta_falsify.cli.exits import ExitCode
 from mrta_falsify.cli.group import main
+from mrta_falsify.cli.names import component
 from mrta_falsify.cli.options import output_option, run_option, stack_options, trust_option
-
-EXPORT_FORMATS = ("nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4")
 
 
 @main.command("export")
 @click.argument("target", metavar="WORLD|DIR")
 @click.argument("id", metavar="[ID]", required=False)
 @click.option(
-    "--format", type=click.Choice(EXPORT_FORMATS), required=True, help="Format of the other system."
+    "--format",
+    type=component("exporter"),
+    metavar="NAME",
+    required=True,
+    help="Format of the other system.",
 )
 @stack_options
 @output_option(
@@ -40,9 +43,9 @@ def export_command(target: str, id: str | None, **options: Any) -> int:
         raise click.UsageError("--run and --trust belong to a trial of a campaign")
     if id is not None and (options["stack"] or options["settings"]):
         raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
-    from mrta_falsify.verbs.export import OF_RUNS, export
+    from mrta_falsify.verbs.export import export, exporter_named
 
-    if id is None and options["format"] in OF_RUNS:
+    if id is None and exporter_named(options["format"]).of_run:
         output.say(f"running {target}")
     for written in export(target, id, **options):
         click.echo(str(written))

@@ -14,6 +14,7 @@ from mrta_falsify.core.errors import ConfigError
 
 EXEC = "exec:"  # begins a command where a name could stand
 CONNECT = "connect:"  # begins the address of a stack that runs already
+ADAPTER = "stack_adapter"  # extension point of texts with other beginnings
 LOOPBACK = ("127.0.0.1", "localhost")  # the only hosts
 
 #: how a copy of the run gets a copy of the stack; auto: fork if the stack can, else replay
@@ -93,8 +94,23 @@ def _kind(value: Any) -> str:
     return kinds.get(type(value), "null")
 
 
+def is_adapter(name: str) -> bool:
+    """Whether a name is that of a registered adapter."""
+    from mrta_falsify.core import registry  # noqa: PLC0415 - it imports this module
+
+    return name in registry.names(ADAPTER)
+
+
 def parse_stack(text: str, *, where: str, folder: Path | None = None) -> ExternalStack:
-    """Read ``exec:CMD`` or ``connect:ADDRESS``; arguments and errors as in :func:`parse_exec`."""
+    """Read ``exec:CMD``, ``connect:ADDRESS`` or ``ADAPTER:TEXT``; else as :func:`parse_exec`."""
+    name, colon, rest = text.partition(":")
+    if colon and is_adapter(name):
+        from mrta_falsify.core import registry  # noqa: PLC0415 - it imports this module
+        from mrta_falsify.core.config import Choice  # noqa: PLC0415
+
+        adapter = registry.build(ADAPTER, Choice(name), where=where)
+        adapted: ExternalStack = adapter.stack(rest, where=where, folder=folder or Path.cwd())
+        return adapted
     if not text.startswith(CONNECT):
         return parse_exec(text, where=where, folder=folder)
     found = ExternalStack(connect=text.removeprefix(CONNECT))

@@ -38,6 +38,9 @@ EXTENSION_POINTS = (
     "sampler",
     "specification",
     "executor",
+    "importer",
+    "exporter",
+    "stack_adapter",
 )
 
 #: components that are gone, by extension point, and what does their work now
@@ -60,6 +63,11 @@ def _entry_points(point: str) -> dict[str, str]:
     if point not in EXTENSION_POINTS:
         raise UnknownNameError("extension point", point, EXTENSION_POINTS)
     found = importlib.metadata.entry_points(group=f"mrta_falsify.{point}")
+    if not found:
+        raise ConfigError(
+            f"no {point} is registered: what is installed is older than the code; install the "
+            "package again"
+        )
     return {entry.name: entry.value for entry in sorted(found, key=lambda entry: entry.name)}
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
 
 from mrta_falsify.campaigns.foreign import of_choice
-from mrta_falsify.core.config import StackConfig
+from mrta_falsify.core import registry
+from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.errors import ConfigError, NeedsOption, WorldError
+from mrta_falsify.core.exporting import Exported, Exporter
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World
@@ -23,13 +25,9 @@ from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
 from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
 from mrta_falsify.verbs.worlds import find_world
-from reports.run_view import RunView
 from simulator_interface.formats import nav2
 
-ExportKind = Literal["nav2", "sdf", "mrta-sim", "open-rmf", "mcap", "gif", "mp4"]
-KINDS: tuple[str, ...] = get_args(ExportKind)
-OF_FOLDERS = ("mrta-sim", "open-rmf")  #: that are several files
-OF_RUNS = ("mcap", "gif", "mp4")  #: that need more than a world
+POINT = "exporter"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,12 +73,12 @@ def export(
         InputError: unknown format, world or trial.
         PlaceError: a file cannot be written.
     """
-    _check_format(format)
+    exporter = exporter_named(format)
     if id is not None:
         if stack is not None or settings:
             raise ConfigError("--stack and --set belong to a WORLD; a trial has its own stack")
         assert not isinstance(target, World)
-        subject = trial_subject(target, id, with_trace=format in OF_RUNS, run=run, trust=trust)
+        subject = trial_subject(target, id, with_trace=exporter.of_run, run=run, trust=trust)
     else:
         subject = ExportSubject(world=find_world(target), config=load_stack(stack, settings))
     return write_export(subject, format, Path(output))
@@ -126,8 +124,8 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
 
     Args:
         subject: what.
-        kind: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file), ``mrta-sim`` or
-            ``open-rmf`` (a directory), ``mcap``, ``gif`` or ``mp4`` (a file).
+        kind: a registered exporter: ``nav2`` (a directory, or NAME.yaml), ``sdf`` (a file),
+            ``mrta-sim`` or ``open-rmf`` (a directory), ``mcap``, ``gif`` or ``mp4`` (a file).
         path: where.
 
     Returns:
@@ -138,37 +136,31 @@ def write_export(subject: ExportSubject, kind: str, path: Path) -> tuple[Path, .
             program.
         PlaceError: a file cannot be written.
     """
-    from simulator_interface.formats import (  # noqa: PLC0415
-        mcap,
-        mrta_sim_files,
-        open_rmf,
-        sdf_world,
+    exporter = exporter_named(kind)
+    _check_scripted(subject, kind, exporter)
+    make_directory(path if exporter.of_folder else path.parent)
+    trace, verdicts = _run_of(subject) if exporter.of_run else (None, ())
+    exported = Exported(
+        world=subject.world,
+        costmap=partial(_map_of, subject),
+        trace=trace,
+        verdicts=verdicts,
+        picture_map=partial(_picture_map_of, subject),
     )
+    return exporter.write(exported, path)
 
-    _check_format(kind)
-    _check_scripted(subject, kind)
-    world = subject.world
-    if kind == "nav2":
-        return _write_nav2(_map_of(subject), path)
-    make_directory(path if kind in OF_FOLDERS else path.parent)
-    if kind == "sdf":
-        sdf_world.write_sdf(world, path)
-        return (path,)
-    if kind == "mrta-sim":
-        return mrta_sim_files.write_mrta_sim(world, _map_of(subject), path)
-    if kind == "open-rmf":
-        return open_rmf.write_open_rmf(world, path)
-    trace, verdicts = _run_of(subject)
-    if kind == "mcap":
-        mcap.write_mcap(world, trace, _map_of(subject), path)
-        return (path,)
-    from reports import animation  # noqa: PLC0415 - matplotlib loads slowly
 
-    costmap = map_of(world, subject.config) if subject.only_ours else _map_of(subject)
-    view = RunView(world=world, trace=trace, verdicts=verdicts, costmap=costmap)
-    write = animation.write_gif if kind == "gif" else animation.write_mp4
-    write(view, path)
-    return (path,)
+def exporter_named(kind: str) -> Exporter:
+    """Build the exporter of a format.
+
+    Raises:
+        ConfigError: there is none, or it cannot be loaded.
+    """
+    if kind not in registry.names(POINT) and ":" not in kind:
+        known = ", ".join(registry.names(POINT))
+        raise ConfigError(f"--format is {kind!r}; it must be one of {known}")
+    exporter: Exporter = registry.build(POINT, Choice(kind), where="--format")
+    return exporter
 
 
 def export_nav2(world: World, path: Place, config: StackConfig | None = None) -> tuple[Path, Path]:
@@ -186,14 +178,7 @@ def export_nav2(world: World, path: Place, config: StackConfig | None = None) ->
         InputError: the place cannot be a directory.
         PlaceError: a file cannot be written.
     """
-    return _write_nav2(costmap_of(world, config), Path(path))
-
-
-def _write_nav2(costmap: Costmap, path: Path) -> tuple[Path, Path]:
-    target = path if path.suffix == ".yaml" else path / "map.yaml"
-    make_directory(target.parent)
-    nav2.write_nav2_map(costmap, target)
-    return target, target.with_suffix(".pgm")
+    return nav2.write_map_files(costmap_of(world, config), Path(path))
 
 
 def _map_of(subject: ExportSubject) -> Costmap:
@@ -208,12 +193,14 @@ def _map_of(subject: ExportSubject) -> Costmap:
     return costmap_of(subject.world, subject.config)
 
 
-def _check_format(kind: str) -> None:
-    if kind not in KINDS:
-        raise ConfigError(f"--format is {kind!r}; it must be one of {', '.join(KINDS)}")
+def _picture_map_of(subject: ExportSubject) -> Costmap | None:
+    """Build the map for a picture; None: it is not ours to build."""
+    if subject.only_ours:
+        return map_of(subject.world, subject.config)
+    return _map_of(subject)
 
 
-def _check_scripted(subject: ExportSubject, kind: str) -> None:
+def _check_scripted(subject: ExportSubject, kind: str, exporter: Exporter) -> None:
     """Refuse what a world that is ``scripted`` cannot give: inputs of a run, or a run.
 
     Raises:
@@ -223,12 +210,12 @@ def _check_scripted(subject: ExportSubject, kind: str) -> None:
     if not world.scripted:
         return
     reason = f"because of {world.scripted}"
-    if kind in OF_FOLDERS:
+    if exporter.of_folder:
         raise WorldError(
             f"{world.name}: cannot be written for {kind}, {reason}, which its files cannot "
             "hold; choose nav2, sdf, or the run of a trial as mcap, gif or mp4"
         )
-    if kind in OF_RUNS and subject.trace is None:
+    if exporter.of_run and subject.trace is None:
         raise WorldError(
             f"{world.name}: cannot be run for --format {kind} without its Scenic program, "
             f"{reason}; export a trial of a campaign on the program instead"

@@ -10,7 +10,7 @@ from mrta_falsify.core import codec, registry
 from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting, read_config
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.external import CONNECT, EXEC, parse_stack
+from mrta_falsify.core.external import CONNECT, EXEC, is_adapter, parse_stack
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.folders import Place
 
@@ -29,7 +29,8 @@ def load_stack(
 
     Args:
         stack: a configuration, a YAML file, ``default``, or ``exec:CMD`` or ``connect:ADDRESS``
-            for a stack in a process of its own.
+            for a stack in a process of its own, or ``ADAPTER:TEXT`` of a registered adapter, such
+            as ``ros_nodes:nodes.yaml``.
         settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
         where: option that names a stack in a process of its own, for messages.
 
@@ -40,7 +41,7 @@ def load_stack(
         config = stack
     elif stack is None or str(stack) == SHIPPED:
         config = StackConfig()
-    elif str(stack).startswith((EXEC, CONNECT)):
+    elif is_process(str(stack)):
         config = StackConfig(stack=parse_stack(str(stack), where=where))
     else:
         config = read_config(Path(stack))
@@ -49,6 +50,12 @@ def load_stack(
         config = apply_setting(config, setting)
         check_stack(config, where=f"--set {setting}")
     return config
+
+
+def is_process(stack: str) -> bool:
+    """Whether a text names a stack in a process of its own, not a file."""
+    name, colon, _ = stack.partition(":")
+    return stack.startswith((EXEC, CONNECT)) or (bool(colon) and is_adapter(name))
 
 
 def load_other_stack(stack: Stack, tested: StackConfig) -> StackConfig:

@@ -11,10 +11,11 @@ import dataclasses
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from mrta_falsify.core import codec
+from mrta_falsify.core import codec, registry
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, DoubledKeyError, FormatError, InputNote
 from mrta_falsify.core.world import Furniture, Resource, Wall
 from simulator_interface.formats import building_file, nav2, sdf
@@ -66,13 +67,35 @@ class Floor:
     notes: tuple[str, ...] = ()  #: what of other tools' files is not used, in words
 
 
+POINT = "importer"
+FALLBACK = "yaml"  # reads what no other importer claims by its ending
+
+
+class FloorImporter(Protocol):
+    """Reads floors from files of a kind."""
+
+    endings: tuple[str, ...]  #: of their names, in lower case, with the dot
+
+    def read(self, path: Path, rooms: Path | None = None, level: str | None = None) -> Floor:
+        """Read a floor.
+
+        Args:
+            path: the file.
+            rooms: the floor file with the rooms, if the user names one.
+            level: of a building with several, if the user names one.
+
+        Raises:
+            InputError: a file is missing or broken, or ``rooms`` or ``level`` mean nothing here.
+        """
+
+
 def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = None) -> Floor:
-    """Read a floor from a floor file, a Nav2 map, an SDF world or a building of Open-RMF.
+    """Read a floor by the importer that its ending belongs to.
 
     Args:
         path: a floor file (``.yaml``); a building (``.yaml`` with ``levels``); or a Nav2 map
             (``.yaml`` with ``image``) or an SDF world (``.sdf``, ``.world``), whose rooms are
-            in a floor file.
+            in a floor file; or what another registered importer reads.
         rooms: the floor file of a map or SDF world; None: the one beside it, whose name
             ends in ``.rooms.yaml`` instead.
         level: of a building; None: the only one.
@@ -80,30 +103,82 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
     Raises:
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
-    is_sdf = path.suffix.lower() in (".sdf", ".world")
-    data = None if is_sdf else _read(path)
-    if is_building(data):
-        if rooms is not None:
-            raise FormatError(
-                f"{path}: names its own places, and {rooms} cannot add to them; --rooms belong to "
-                "a map or SDF world (import the building without it, change NAME.derived.yaml, and "
-                "import that)"
-            )
-        return _of_building(level_of(data, path, level), path)
-    if level is not None:
-        raise ConfigError(f"{path}: is no building, so it has no level {level!r}")
-    if is_sdf:
+    importer = _importer_of(path.name.lower())
+    return importer.read(path, rooms, level)
+
+
+def _importer_of(name: str) -> FloorImporter:
+    """Find the importer of a file's name: of several endings that fit, the longest."""
+    importers = [
+        registry.build(POINT, Choice(one), where="import")
+        for one in sorted(registry.names(POINT), key=lambda one: one == FALLBACK)
+    ]
+    fits = [
+        (len(ending), -number)
+        for number, importer in enumerate(importers)
+        for ending in importer.endings
+        if name.endswith(ending)
+    ]
+    found: FloorImporter = importers[-max(fits)[1]] if fits else importers[-1]
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Nothing to choose."""
+
+
+class SdfImporter:
+    """Reads worlds of Gazebo, whose rooms are in a floor file."""
+
+    Options = NoOptions
+    endings = (".sdf", ".world")
+
+    def __init__(self, options: NoOptions) -> None:
+        del options
+
+    def read(self, path: Path, rooms: Path | None = None, level: str | None = None) -> Floor:
+        """See :class:`FloorImporter`."""
+        _refuse_level(path, level)
         beside = rooms or _rooms_beside(path)
         return _assembled(beside, _described(beside), sdf_file=path)
-    if isinstance(data, dict) and "image" in data:
-        beside = rooms or _rooms_beside(path)
-        return _assembled(beside, _described(beside), map_file=path)
-    if rooms is not None:
-        raise FormatError(
-            f"{path}: names no image, so it is no Nav2 map; rooms belong to a map or SDF world "
-            "(a floor file names its own)"
-        )
-    return floor_of_data(data, path)
+
+
+class YamlImporter:
+    """Reads floor files, Nav2 maps with a floor file, and buildings of Open-RMF."""
+
+    Options = NoOptions
+    endings = (".yaml", ".yml")
+
+    def __init__(self, options: NoOptions) -> None:
+        del options
+
+    def read(self, path: Path, rooms: Path | None = None, level: str | None = None) -> Floor:
+        """See :class:`FloorImporter`."""
+        data = _read(path)
+        if is_building(data):
+            if rooms is not None:
+                raise FormatError(
+                    f"{path}: names its own places, and {rooms} cannot add to them; --rooms "
+                    "belong to a map or SDF world (import the building without it, change "
+                    "NAME.derived.yaml, and import that)"
+                )
+            return _of_building(level_of(data, path, level), path)
+        _refuse_level(path, level)
+        if isinstance(data, dict) and "image" in data:
+            beside = rooms or _rooms_beside(path)
+            return _assembled(beside, _described(beside), map_file=path)
+        if rooms is not None:
+            raise FormatError(
+                f"{path}: names no image, so it is no Nav2 map; rooms belong to a map or SDF world "
+                "(a floor file names its own)"
+            )
+        return floor_of_data(data, path)
+
+
+def _refuse_level(path: Path, level: str | None) -> None:
+    if level is not None:
+        raise ConfigError(f"{path}: is no building, so it has no level {level!r}")
 
 
 def _read(path: Path) -> Any:

@@ -23,7 +23,7 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.arrays import Array, ByteArray, frozen_array
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.costmap import FREE, INSCRIBED, LETHAL, UNKNOWN, Costmap
-from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.durable import make_folder, write_atomically
 from mrta_falsify.core.errors import FormatError, InputError
 from simulator_interface.formats.confinement import file_beside
 from simulator_interface.formats.map_picture import read_map_picture
@@ -97,6 +97,18 @@ def write_nav2_map(costmap: Costmap, path: Path, *, mode: Mode = "trinary") -> N
         data = np.where(costmap.cost == UNKNOWN, -1, walls).astype(np.int8)
         grid = OccupancyGrid(data=data, resolution=grid.resolution, origin=grid.origin)
     write_occupancy(grid, path, mode=mode)
+
+
+def write_map_files(costmap: Costmap, path: Path) -> tuple[Path, Path]:
+    """Write ``NAME.yaml``, or ``map.yaml`` in a directory, and the PGM file beside it.
+
+    Raises:
+        PlaceError: a file cannot be written.
+    """
+    target = path if path.suffix == ".yaml" else path / "map.yaml"
+    make_folder(target.parent)
+    write_nav2_map(costmap, target)
+    return target, target.with_suffix(".pgm")
 
 
 def write_costs(costmap: Costmap, path: Path) -> None:

@@ -8,7 +8,6 @@ import keyword
 import subprocess
 import sys
 from pathlib import Path
-from typing import get_args
 
 import click
 import pytest
@@ -108,13 +107,6 @@ def test_the_options_of_a_campaign_come_from_its_settings():
         "trust",
         "wall_clock",
     }
-
-
-def test_the_formats_of_export_are_those_of_the_function():
-    from mrta_falsify.verbs.export import ExportKind
-
-    (param,) = (param for param in command("export").params if param.name == "format")
-    assert tuple(param.type.choices) == get_args(ExportKind)
 
 
 def test_a_line_of_the_list_of_commands_fits_80_columns():

@@ -9,7 +9,7 @@ import pytest
 
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import StackConfig
-from mrta_falsify.core.errors import WorldError
+from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.trace import EdgeSpan
 from mrta_falsify.core.world import Blockage
@@ -132,3 +132,35 @@ def test_the_map_and_a_kept_run_of_such_a_world_are_exported(hall, hall_trace, t
         assert all(
             path.is_file() for path in exporting.write_export(subject, kind, tmp_path / name)
         )
+
+
+class Names:
+    """A stranger's format: the names of the robots, and how many ticks they ran."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Options:
+        """Nothing to choose."""
+
+    of_run, of_folder = True, False
+
+    def __init__(self, options):
+        del options
+
+    def write(self, exported, path):
+        names = " ".join(robot.name for robot in exported.world.robots)
+        path.write_text(f"{names} {len(exported.run())} {exported.costmap().resolution}")
+        return (path,)
+
+
+def test_a_format_of_somebody_else_is_written_as_ours_are(hall, hall_trace, tmp_path):
+    subject = exporting.ExportSubject(world=hall, config=StackConfig(), trace=hall_trace)
+    kind = f"{__name__}:Names"
+    (path,) = exporting.write_export(subject, kind, tmp_path / "new" / "names.txt")
+    assert path.read_text() == f"robot1 robot2 {len(hall_trace)} 0.05"
+
+
+def test_a_format_that_nobody_writes_is_refused_with_those_that_are_known(hall, tmp_path):
+    subject = exporting.ExportSubject(world=hall, config=StackConfig())
+    with pytest.raises(ConfigError, match="--format is 'usd'; it must be one of gif, mcap, mp4"):
+        exporting.write_export(subject, "usd", tmp_path / "out")
+    assert not list(tmp_path.iterdir())

@@ -12,9 +12,8 @@ from mrta_falsify.core import codec
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.config import StackConfig, decode_config
 from mrta_falsify.core.errors import FormatError, UnknownNameError
-from mrta_falsify.core.external import CONNECT, EXEC
 from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stacks import SHIPPED, load_stack
+from mrta_falsify.verbs.stacks import SHIPPED, is_process, load_stack
 
 PROJECT_NAME = "mrta-falsify.yaml"
 
@@ -85,7 +84,7 @@ class Project:
         """
         entry = self.file.stacks[name]
         where = f"{self.path}: stacks.{name}"
-        if entry.stack.startswith((EXEC, CONNECT)):
+        if is_process(entry.stack):
             config = decode_config({"stack": entry.stack}, where=where, folder=self.folder)
         elif entry.stack == SHIPPED:
             config = StackConfig()

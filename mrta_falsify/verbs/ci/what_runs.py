@@ -18,9 +18,8 @@ from mrta_falsify.campaigns.made_here import is_made_here
 from mrta_falsify.campaigns.settings import TrialSettings
 from mrta_falsify.campaigns.store import SETTINGS, read_campaign_settings
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting, decode_config, read_config
-from mrta_falsify.core.external import CONNECT, EXEC
 from mrta_falsify.verbs.ci.project import Project, StackEntry
-from mrta_falsify.verbs.stacks import SHIPPED
+from mrta_falsify.verbs.stacks import SHIPPED, is_process
 from mrta_falsify.verbs.trust import of_program
 
 
@@ -62,7 +61,7 @@ def _named(project: Project, name: str, entry: StackEntry) -> StackConfig:
     """Read a stack as it is named; its components are not looked for."""
     where, file = f"{project.path}: stacks.{name}", project.folder / entry.stack
     config = StackConfig()
-    if entry.stack.startswith((EXEC, CONNECT)):
+    if is_process(entry.stack):
         config = decode_config({"stack": entry.stack}, where=where, folder=project.folder)
     elif entry.stack != SHIPPED and file.is_file():
         config = read_config(Path(file))

@@ -13,13 +13,13 @@ from typing import Literal
 
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, InputError
-from mrta_falsify.core.external import CONNECT, EXEC
+from mrta_falsify.core.external import EXEC
 from mrta_falsify.core.stack_failure import StackFailed
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.bench.bench_worlds import fleet_world
 from mrta_falsify.verbs.stack_test import conversing, episodes
 from mrta_falsify.verbs.stack_test.episodes import Failed, TickTime
-from mrta_falsify.verbs.stacks import Stack, load_stack
+from mrta_falsify.verbs.stacks import Stack, is_process, load_stack
 from scenic_worlds.layouts import load_world
 
 WORLD = "aws_hospital_day"
@@ -123,7 +123,7 @@ CHECKS: dict[str, Check] = {
 
 def _config(command: str) -> StackConfig:
     stack: Stack = command
-    if not command.endswith((".yaml", ".yml")) and not command.startswith((EXEC, CONNECT)):
+    if not command.endswith((".yaml", ".yml")) and not is_process(command):
         stack = f"{EXEC}{command}"
     config = load_stack(stack)
     if config.stack is None:

@@ -1,0 +1,56 @@
+"""Stacks of other kinds by a short text: ``--stack ros_nodes:nodes.yaml``.
+
+An adapter turns the text behind its name into the process that speaks the stack protocol.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from mrta_falsify.core.external import ExternalStack, bound_to, split_command
+
+
+class StackAdapter(Protocol):
+    """Gives the process that puts a stack of another kind on trial."""
+
+    def stack(self, text: str, *, where: str, folder: Path) -> ExternalStack:
+        """Give the process of a stack.
+
+        Args:
+            text: behind the adapter's name and the colon.
+            where: it stands, for messages.
+            folder: relative paths are relative to it.
+
+        Raises:
+            ConfigError: the text means nothing to it.
+        """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Nothing to choose."""
+
+
+class RosNodes:
+    """ROS 2 nodes in Python without ROS, as a launch file of ours names them."""
+
+    Options = NoOptions
+    module = "simulator_interface.foreign.ros_nodes"
+
+    def __init__(self, options: NoOptions) -> None:
+        del options
+
+    def stack(self, text: str, *, where: str, folder: Path) -> ExternalStack:
+        """See :class:`StackAdapter`."""
+        arguments = split_command(text, where=where)
+        command = (sys.executable, "-m", self.module, *arguments)
+        return bound_to(ExternalStack(command=command), where=where, folder=folder)
+
+
+class Dds(RosNodes):
+    """Nodes of any kind on this machine, by a bridge to the middleware of ROS 2."""
+
+    module = "simulator_interface.foreign.dds"

@@ -1,0 +1,31 @@
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from mrta_falsify.core.config import decode_config
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.verbs.stacks import load_stack
+
+
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [
+        ("ros_nodes", "simulator_interface.foreign.ros_nodes"),
+        ("dds", "simulator_interface.foreign.dds"),
+    ],
+)
+def test_an_adapter_gives_the_process_of_its_stack(name, module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stack = load_stack(f"{name}:nodes.yaml").stack
+    assert stack is not None
+    assert stack.command == (sys.executable, "-m", module, "nodes.yaml")
+    assert stack.folder == str(tmp_path)
+    there = decode_config({"stack": f"{name}:nodes.yaml"}, where="stack.yaml", folder=tmp_path)
+    assert there.stack == stack
+
+
+def test_a_text_with_another_name_is_a_file(tmp_path):
+    with pytest.raises(InputError, match=r"nobody:nodes\.yaml"):
+        load_stack("nobody:nodes.yaml")
