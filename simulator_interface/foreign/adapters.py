@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack, bound_to, split_command
 
 
@@ -39,13 +40,18 @@ class RosNodes:
 
     Options = NoOptions
     module = "simulator_interface.foreign.ros_nodes"
+    needs = "a file with the nodes, as ros_nodes:nodes.yaml"
 
     def __init__(self, options: NoOptions) -> None:
         del options
 
     def stack(self, text: str, *, where: str, folder: Path) -> ExternalStack:
         """See :class:`StackAdapter`."""
-        arguments = split_command(text, where=where)
+        if not text.strip() and self.needs:
+            raise ConfigError(
+                f"{where}: there is nothing behind the colon; it must be {self.needs}"
+            )
+        arguments = split_command(text, where=where) if text.strip() else ()
         command = (sys.executable, "-m", self.module, *arguments)
         return bound_to(ExternalStack(command=command), where=where, folder=folder)
 
@@ -54,3 +60,4 @@ class Dds(RosNodes):
     """Nodes of any kind on this machine, by a bridge to the middleware of ROS 2."""
 
     module = "simulator_interface.foreign.dds"
+    needs = ""

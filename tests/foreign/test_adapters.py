@@ -29,3 +29,11 @@ def test_an_adapter_gives_the_process_of_its_stack(name, module, tmp_path, monke
 def test_a_text_with_another_name_is_a_file(tmp_path):
     with pytest.raises(InputError, match=r"nobody:nodes\.yaml"):
         load_stack("nobody:nodes.yaml")
+
+
+def test_nodes_need_a_file_and_the_bridge_needs_none():
+    with pytest.raises(InputError, match="it must be a file with the nodes"):
+        load_stack("ros_nodes:")
+    stack = load_stack("dds:").stack
+    assert stack is not None
+    assert stack.command[1:] == ("-m", "simulator_interface.foreign.dds")
