@@ -11,7 +11,7 @@ from mrta_falsify.core.config import LAYERS, StackConfig
 from mrta_falsify.core.defects import defect_names
 from mrta_falsify.core.durable import make_folder, write_atomically
 from mrta_falsify.core.errors import ConfigError
-from mrta_falsify.core.external import CONNECT, EXEC, ExternalStack
+from mrta_falsify.core.external import ADAPTER, CONNECT, EXEC, ExternalStack
 from mrta_falsify.core.json_schema import Definitions, Schema
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.ci.project import ProjectFile, ScenarioEntry, StackEntry
@@ -78,7 +78,8 @@ def _stack(known: Definitions) -> Schema:
         own[layer] = {"anyOf": [*_names(layer), *_with_options(layer, known)]}
     own["defects"]["items"] = {"type": "string", "examples": list(defect_names())}
     outside = known.schema_of(ExternalStack)
-    text = {"type": "string", "pattern": f"^({EXEC}|{CONNECT})"}
+    adapters = "".join(f"|{name}:" for name in registry.names(ADAPTER))
+    text = {"type": "string", "pattern": f"^({EXEC}|{CONNECT}{adapters})"}
     own["stack"] = {"anyOf": [text, outside, {"type": "null"}]}
     return {**schema, "type": ["object", "null"]}
 
