@@ -7,7 +7,7 @@ EXTRAS := .venv/.extras
 KERNELS := .venv/.kernels
 WORKERS ?= 2
 # A worker that is done takes over tests of one that is not.
-PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations=20
 
 .PHONY: help demo test unit long check format bench docs clean
 
@@ -15,7 +15,7 @@ help:
 	@echo "make demo    one run of the AWS hospital: picture, verdicts, report page"
 	@echo "make test    all tests but the long ones"
 	@echo "make unit    the quick tests"
-	@echo "make long    what takes minutes and is not in make test; run it before an issue is resolved"
+	@echo "make long    what takes minutes and is not in make test, or one part of five of it: make long PART=3"
 	@echo "make check   format, lint, types, import contracts, quick tests"
 	@echo "make format  mend what ruff can mend"
 	@echo "make docs    the documentation as a site, in build/site"
@@ -46,13 +46,13 @@ demo: $(KERNELS)
 	$(BIN)/mrta-falsify demo
 
 test: $(KERNELS) $(EXTRAS)
-	$(PYTEST) -m "not long"
+	$(PYTEST) -m "not long and not browser"
 
 unit: $(KERNELS) $(EXTRAS)
 	$(PYTEST) -m "not slow and not long and not browser"
 
 long: $(KERNELS) $(EXTRAS)
-	$(PYTEST) -m long
+	$(PYTEST) -m "long or browser" $(if $(PART),--part $(PART))
 
 check: $(EXTRAS)
 	$(BIN)/ruff format --check .

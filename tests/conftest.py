@@ -40,7 +40,50 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 if "PYTEST_XDIST_WORKER" not in os.environ:  # its processes share those of the first
     os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="mrta-falsify-tests-")
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+HERE = Path(__file__).resolve().parent
+DATA = HERE.parents[1] / "shared" / "data"
+
+#: Parts of ``make long``, each about as long as the others, by folder or module. The last part has
+#: what stands in no other.
+PARTS = (
+    ("test_docs.py", "test_experiments.py", "test_gallery.py", "test_tutorials.py", "examples"),
+    ("recorded", "reports", "scenes", "scenic_worlds", "test_site.py", "test_wheel.py"),
+    ("campaigns", "external", "foreign"),
+    ("cli", "contracts", "formats", "fuzz", "samplers", "specs", "verbs/test_week.py"),
+    (),
+)
+
+
+def part_of(path: Path) -> int:
+    """Say to which part of ``make long`` the long tests of a module belong, from 1 on."""
+    for number, places in enumerate(PARTS, start=1):
+        if any(path.is_relative_to(HERE / place) for place in places):
+            return number
+    return len(PARTS)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that chooses a part."""
+    parser.addoption(
+        "--part",
+        type=int,
+        choices=range(1, len(PARTS) + 1),
+        help="only the long tests of this part; without it those of all parts",
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the long tests of other parts."""
+    part = config.getoption("--part")
+    if part is None:
+        return
+    kept, others = [], []
+    for item in items:
+        is_long = any(map(item.get_closest_marker, ("long", "browser")))
+        is_other = is_long and part_of(item.path) != part
+        (others if is_other else kept).append(item)
+    config.hook.pytest_deselected(items=others)
+    items[:] = kept
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -166,11 +209,17 @@ def _intent(robots: int, path: tuple, phase: Phase, ends: np.ndarray) -> Intent:
 @pytest.fixture(scope="session")
 def stalled():
     """A world and its judged run in which one robot stalls for good (a planted defect)."""
-    from mrta_falsify.core.config import StackConfig
-    from mrta_falsify.testing import planted as worlds
-    from mrta_falsify.trial import Job, judge, on_kinematic_engine
+    from mrta_falsify.trial import judge
+    from tests.reports.planted import stalled_job
 
-    world = worlds.same_room_twice_stalls(0)
-    config = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))
-    job = Job(world=world, config=config, early_stop=True, specifications=("no_deadlock",))
-    return world, judge(job)
+    job = stalled_job()
+    return job.world, judge(job)
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let experiments run in this process instead of in workers."""
+    from mrta_falsify.core.config import Choice
+    from mrta_falsify.lab import laboratory
+
+    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))

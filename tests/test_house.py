@@ -16,6 +16,7 @@ import pytest
 
 import mrta_falsify as mf
 from mrta_falsify.core import registry
+from tests.conftest import HERE, PARTS
 
 ROOT = Path(__file__).parent.parent
 HEAVY = ("pybullet", "scenic", "matplotlib", "ompl", "osqp", "numba", "pandas", "cv2")
@@ -99,6 +100,11 @@ def test_scenic_and_physics_stay_behind_their_doors():
 def test_numba_stays_behind_its_door():
     users = [path for path in _source_files() if "numba" in _imported(path)]
     assert [str(path.relative_to(ROOT)) for path in users] == ["mrta_falsify/core/compiled.py"]
+
+
+def test_parts_of_the_long_tests_name_what_is_there():
+    places = [place for part in PARTS for place in part]
+    assert [place for place in places if not (HERE / place).exists()] == []
 
 
 def test_nothing_reads_a_pickle_and_nothing_uses_pyplot():

@@ -16,7 +16,7 @@ from mrta_falsify.cli.group import COMMANDS
 from mrta_falsify.core import registry
 from tests.browser import browser, find
 
-pytestmark = pytest.mark.slow  # builds the site, in about 10 s of CPU
+pytestmark = pytest.mark.long  # builds the site, in about 10 s of CPU
 
 ROOT = Path(__file__).parent.parent
 PHONE = 390  # px

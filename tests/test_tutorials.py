@@ -63,20 +63,9 @@ def follow(page: str) -> None:
                 assert promise in result.output, (words, result.output)
 
 
-def _courses() -> list[object]:
-    """List the courses; one explains and minimises a failure, which takes minutes."""
-    longest = [pytest.mark.long, pytest.mark.timeout(1800)]
-    return [
-        pytest.param(
-            pages,
-            id="+".join(pages),
-            marks=longest if "reading-a-report" in pages else pytest.mark.slow,
-        )
-        for pages in COURSES
-    ]
-
-
-@pytest.mark.parametrize("pages", _courses())
+@pytest.mark.long
+@pytest.mark.timeout(1800)  # one explains and minimises a failure
+@pytest.mark.parametrize("pages", COURSES, ids="+".join)
 def test_the_pages_can_be_followed_from_top_to_bottom(pages, tmp_path, monkeypatch):
     if "own-stack" in pages and sys.platform != "linux":
         pytest.skip("processes are kept on Linux")

@@ -73,7 +73,7 @@ def _run(*words: object, cwd: Path | None = None, codes: tuple[int, ...] = (0,))
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_wheel_is_small_and_holds_every_file_of_the_packages(wheel):
     inside = set(zipfile.ZipFile(wheel).namelist())
     missing = {name for name in _source_files() - inside if Path(name).name not in NOT_SHIPPED}
@@ -81,7 +81,7 @@ def test_the_wheel_is_small_and_holds_every_file_of_the_packages(wheel):
     assert wheel.stat().st_size < LARGEST
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_installed_command_knows_its_version_and_writes_files_to_begin_with(command, tmp_path):
     assert _run(command, "--version", cwd=tmp_path).startswith("mrta-falsify ")
     _run(command, "init", "first", "--stack", "cpp", cwd=tmp_path)

@@ -29,6 +29,9 @@ from mrta_falsify.core.world import (
 from mrta_falsify.testing.wards import ward_layout
 
 SPEED = 0.69  # m/s, mean speed of MRTA-Sim's travel times; deadlines are made from it
+#: ``no_deadlock`` by one continuation of half a minute: enough where a robot stands for good, at a
+#: tenth of the time
+STANDS = "no_deadlock{copies: 1, look_ahead: 30}"
 
 
 @dataclass(frozen=True)

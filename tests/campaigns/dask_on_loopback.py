@@ -131,7 +131,6 @@ def test_what_a_worker_has_sent_and_cannot_be_kept_stops_the_campaign(
     assert not log_without_times(tmp_path / "c")
 
 
-@pytest.mark.long
 def test_machines_with_homes_of_their_own_run_the_trials_of_a_program(tmp_path, machines):
     program = tmp_path / "ward.scenic"
     program.write_text(PROGRAM)
@@ -150,7 +149,6 @@ def test_machines_with_homes_of_their_own_run_the_trials_of_a_program(tmp_path, 
     assert found["dask"][1]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["crash", "hang", "unfit"])
 def test_a_trial_that_a_worker_loses_is_run_again(tmp_path, scheduler, fault):
     lost = {fault: [2], "tries": str(tmp_path / "tries"), "times": 1, "time_limit": 1.0}
@@ -186,7 +184,6 @@ def test_an_executor_that_is_not_open_says_so():
         on_dask("").submit({"number": 0, "u": []})
 
 
-@pytest.mark.slow
 def test_without_an_address_a_cluster_is_started_and_ended_here(tmp_path):
     from mrta_falsify.campaigns.dask_executor import DaskExecutor
 

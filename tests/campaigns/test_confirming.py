@@ -58,7 +58,7 @@ def small(tmp_path_factory):
         budget=4,
         seed=4,
         sampler="random",
-        workers=1,
+        executor="serial",
         specs=["deadlines"],
         settings=["engine=kinematic"],
         confirm=("kinematic", "mujoco"),

@@ -15,14 +15,8 @@ import pytest
 CASES = Path(__file__).with_name("dask_on_loopback.py")
 
 
-@pytest.mark.parametrize(
-    ("tier", "limit"),
-    [
-        pytest.param("not long", 280, marks=pytest.mark.slow),
-        pytest.param("long", 500, marks=pytest.mark.long),
-    ],
-)
-def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise(tier, limit):
+@pytest.mark.long
+def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
     pytest.importorskip("distributed")
     command = [
         sys.executable,
@@ -32,8 +26,6 @@ def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise(tier, li
         "no:cacheprovider",
         "-p",
         "no:xdist",
-        "-m",
-        tier,
         str(CASES),
     ]
     for attempt in range(2):
@@ -43,7 +35,7 @@ def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise(tier, li
                 cwd=CASES.parents[2],
                 capture_output=True,
                 text=True,
-                timeout=limit,
+                timeout=280,
                 check=False,
             )
         except subprocess.TimeoutExpired:

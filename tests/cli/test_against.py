@@ -14,7 +14,7 @@ from tests.quick_program import PROGRAM
 
 #: a stack that plans nothing once a deadline cannot be met, against the default one
 BROKEN = ("--set", "engine=kinematic", "--set", "defects=[no_plan_when_infeasible]")
-SEARCH = ("--sampler", "random", "--seed", 4, "--spec", "all_tasks_done", "--workers", 1)
+SEARCH = ("--sampler", "random", "--seed", 4, "--spec", "all_tasks_done", "--executor", "serial")
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,15 @@ def campaign(call, tmp_path_factory):
         "--against", "default", "--format", "json",
     )  # fmt: skip
     resumed = call(
-        "campaign", "--resume", folder / "c", "--budget", 20, "--stop-after", 1, "--workers", 1
+        "campaign",
+        "--resume",
+        folder / "c",
+        "--budget",
+        20,
+        "--stop-after",
+        1,
+        "--executor",
+        "serial",
     )
     return folder / "c", begun, resumed
 
@@ -69,6 +77,7 @@ def test_what_both_fail_at_is_counted_and_is_no_find(campaign, found):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_process")
 def test_list_show_and_replay_know_both_stacks(campaign, found, call):
     directory, *_ = campaign
     rows = json.loads(call("list", directory, "--failed", "--format", "json").stdout)
@@ -94,6 +103,7 @@ def test_list_show_and_replay_know_both_stacks(campaign, found, call):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_process")
 def test_the_smallest_world_still_tells_the_stacks_apart(campaign, found, call, tmp_path):
     directory = shutil.copytree(campaign[0], tmp_path / "c")
     result = call("minimize", directory, found.id, "--max-runs", 40, "--workers", 1,
@@ -123,6 +133,7 @@ def test_the_smallest_world_still_tells_the_stacks_apart(campaign, found, call, 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_process")
 def test_a_smallest_world_may_not_cost_more_runs_than_allowed(campaign, found, tmp_path):
     directory = shutil.copytree(campaign[0], tmp_path / "c")
     small = mf.minimize(directory, found.id, 5, workers=1)

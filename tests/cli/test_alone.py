@@ -42,7 +42,7 @@ def test_one_specification_is_named_by_text_and_a_trial_by_its_number(tmp_path):
         sampler="random",
         specs="no_robot_robot_contact",
         stack=stack,
-        workers=1,
+        executor="serial",
     )
     assert found.campaign.settings.trials.specifications == ("no_robot_robot_contact",)
     assert found.campaign.record(0).id == "0000"

@@ -29,10 +29,13 @@ def campaign(tmp_path_factory):
         return CliRunner().invoke(main, [str(arg) for arg in args])
 
     begun = call(
-        "campaign", folder / "small.scenic", "-o", folder / "c", "--budget", 3, "--workers", 1,
-        "--seed", 4, *QUICK, "--format", "json",
+        "campaign", folder / "small.scenic", "-o", folder / "c", "--budget", 3, "--seed", 4,
+        "--executor", "serial", *QUICK, "--format", "json",
     )  # fmt: skip
-    resumed = call("campaign", "--resume", folder / "c", "--budget", 6, "--format", "json")
+    resumed = call(
+        "campaign", "--resume", folder / "c", "--budget", 6, "--executor", "serial",
+        "--format", "json",
+    )  # fmt: skip
     return folder / "c", call, begun, resumed
 
 
@@ -163,6 +166,7 @@ def test_workers_that_would_be_idle_are_told_of(campaign):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_process")
 def test_copies_say_which_failures_are_robust(campaign):
     directory, call, *_ = campaign
     folder = directory.parent
@@ -245,8 +249,8 @@ def test_a_campaign_says_what_it_could_not_judge_and_never_that_it_holds(campaig
     folder = directory.parent
     asked = ("--spec", "no_robot_robot_contact", "--set", "withheld=[deliveries]")
     begun = call(
-        "campaign", folder / "small.scenic", "-o", folder / "n", "--budget", 2, "--workers", 1,
-        "--seed", 4, *QUICK, *asked, "--format", "json",
+        "campaign", folder / "small.scenic", "-o", folder / "n", "--budget", 2, "--seed", 4,
+        "--executor", "serial", *QUICK, *asked, "--format", "json",
     )  # fmt: skip
     assert begun.exit_code == 0, begun.stderr
     data = json.loads(begun.stdout)

@@ -121,8 +121,8 @@ def _damaged(raw, rng):
     return bytes(changed)
 
 
-@pytest.mark.slow
-def test_200_damaged_logs_and_buildings_never_give_a_traceback(cli, tmp_path):
+@pytest.mark.parametrize("count", [30, pytest.param(200, marks=pytest.mark.long)])
+def test_damaged_logs_and_buildings_never_give_a_traceback(cli, tmp_path, count):
     rng = random.Random(21)
     kinds = {"odometry": "mcap", "tf": "sqlite3", "poses": "sqlite3", "fleet": "mcap"}
     whole = {
@@ -131,7 +131,7 @@ def test_200_damaged_logs_and_buildings_never_give_a_traceback(cli, tmp_path):
     }
     building = drawn_buildings.text().encode()
     codes = []
-    for number in range(200):
+    for number in range(count):
         if number % 2:
             path = tmp_path / "b.building.yaml"
             path.write_bytes(_damaged(building, rng))
@@ -145,7 +145,7 @@ def test_200_damaged_logs_and_buildings_never_give_a_traceback(cli, tmp_path):
         assert "Traceback" not in done.output + done.stderr
         assert done.exit_code in (0, 2), (number, done.stderr, done.exception)
         codes.append(done.exit_code)
-    assert codes.count(2) >= 60
+    assert codes.count(2) >= 0.3 * count
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ def campaigns(program, tmp_path_factory):
             root / str(with_shut_rooms),
             budget=BUDGET,
             sampler="random",
-            workers=1,
+            executor="serial",
             settings=["engine=kinematic"],
             specs=["all_tasks_done"],
             with_shut_rooms=with_shut_rooms,

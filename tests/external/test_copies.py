@@ -129,7 +129,7 @@ def test_a_live_replay_names_the_first_tick_that_differs(tmp_path, monkeypatch):
         )
     )
     write_program(dataclasses.replace(lane_world(), horizon=5.0), Path("lane.scenic"))
-    mf.campaign("lane.scenic", stack="stack.yaml", output="runs", budget=1, workers=1)
+    mf.campaign("lane.scenic", stack="stack.yaml", output="runs", budget=1, executor="serial")
     told, live = mf.replay("runs", 0), mf.replay("runs", 0, live=True)
     assert told.identical
     assert not live.identical

@@ -13,6 +13,7 @@ from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
+from mrta_falsify.testing.planted import STANDS
 from mrta_falsify.verbs.run import summarise_run
 from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import simulate
@@ -58,7 +59,7 @@ def test_only_a_stepped_stack_is_asked_again(coupling):
 @pytest.mark.slow
 @pytest.mark.parametrize(("coupling", "is_confirmed"), [("stepped", True), ("paced", False)])
 def test_a_deadlock_is_confirmed_by_copies_of_a_stepped_stack_only(coupling, is_confirmed):
-    judges = build_specifications(["no_deadlock"])
+    judges = build_specifications([STANDS])
     simulate(short(60.0), loose(coupling), specifications=judges)
     assert judges[0].verdict().violated is is_confirmed
 

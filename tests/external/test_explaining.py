@@ -237,7 +237,7 @@ def test_an_explanation_of_an_earlier_version_is_read_and_written_as_it_was(tmp_
     assert read_finding(tmp_path, Explanation) == new
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stack_of_which_nothing_is_known_is_explained_by_what_it_fails_without(crowded):
     """It fails with box77 and the last robot there, if the first moved 0.25 m in a second."""
     name = crowded.robots[-1].name

@@ -16,10 +16,10 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are k
     [
         ("answers read", 250),
         ("Python client in process", 150),
-        pytest.param("episodes told garbled answers", 60, marks=pytest.mark.slow),
-        pytest.param("stacks that send them", 8, marks=pytest.mark.slow),
-        pytest.param("Python client", 6, marks=pytest.mark.slow),
-        pytest.param("C++ client", 40, marks=pytest.mark.slow),
+        pytest.param("episodes told garbled answers", 60, marks=pytest.mark.long),
+        pytest.param("stacks that send them", 8, marks=pytest.mark.long),
+        pytest.param("Python client", 6, marks=pytest.mark.long),
+        pytest.param("C++ client", 40, marks=pytest.mark.long),
     ],
 )
 def test_a_garbled_message_ends_in_a_sentence(part, messages, tmp_path):

@@ -15,7 +15,7 @@ pytestmark = [
 
 @pytest.mark.parametrize(
     "kills",
-    [pytest.param(1, marks=pytest.mark.slow), pytest.param(5, marks=pytest.mark.long)],
+    [pytest.param(1, marks=pytest.mark.long), pytest.param(5, marks=pytest.mark.long)],
 )
 def test_kill_9_of_stack_worker_and_campaign_leaves_nothing_and_changes_nothing(tmp_path, kills):
     report = disturb(tmp_path, kills=kills, seed=1)

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 RUNS = 6  # of which two differ; each has a hundred races
 
 pytestmark = [
-    pytest.mark.slow,  # whole runs
+    pytest.mark.long,  # whole runs
     pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux"),
 ]
 

@@ -86,7 +86,7 @@ def search(tmp_path, monkeypatch):
             budget=30,
             stop_after=1,
             specs=["stack_runs"],
-            workers=1,
+            executor="serial",
             **more,
         )
         (row,) = mf.list("runs", failed=True)
@@ -95,7 +95,7 @@ def search(tmp_path, monkeypatch):
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_failure_by_chance_comes_again_now_and_then(search):
     record = search("coin", verify=20)
     assert record.result.coupling == "stepped"
@@ -122,6 +122,6 @@ def test_a_failure_of_a_deterministic_stack_comes_again_every_time(search):
     assert found.same.high == 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nothing_is_run_again_where_the_user_does_not_want_it(search):
     assert search("raises", verify=0).repeats is None

@@ -15,6 +15,7 @@ from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.library import build_specifications
+from mrta_falsify.testing.planted import STANDS
 from simulator_interface.foreign.ros_nodes.launching import launches_of, read_launch
 from simulator_interface.simulate import simulate
 from tests.external.lane_worlds import lane_world
@@ -62,10 +63,10 @@ def test_the_schedule_is_a_part_of_the_world(hall):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("branch", ["fork", "replay"])
+@pytest.mark.parametrize("branch", ["fork", pytest.param("replay", marks=pytest.mark.long)])
 def test_two_couriers_that_meet_in_a_lane_are_found_out(branch):
     world = dataclasses.replace(lane_world(), horizon=60.0)
-    (found,) = judged(world, couriers(branch), "no_deadlock").verdicts
+    (found,) = judged(world, couriers(branch), STANDS).verdicts
     assert found.outcome == "violated"
     assert set(found.who) == {"robot1", "robot2"}
 

@@ -165,6 +165,7 @@ def _fate(row):
     return row["id"], row["fate"], row["signature"].split("/")[:2]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stored", ["stalls"], indirect=True)
 def test_the_replay_of_a_stored_campaign_compares_verdicts(stored):
     first = _first_failure("stalls")

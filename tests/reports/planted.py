@@ -18,7 +18,7 @@ from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import World, write_world
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.objectives import search_score
-from mrta_falsify.testing.planted import PLANTS
+from mrta_falsify.testing.planted import PLANTS, STANDS
 from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import Job, Judged, judge, on_kinematic_engine
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -48,9 +48,13 @@ def stalled_campaign(directory: Path, stalled: tuple[World, Judged]) -> Campaign
         directory: for the campaign.
         stalled: the fixture's world and run.
     """
-    world, judged = stalled
-    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
-    return stored(directory, job, judged)
+    return stored(directory, stalled_job(), stalled[1])
+
+
+def stalled_job() -> Job:
+    """The run of the fixture ``stalled``."""
+    world = PLANTS["same_room_twice_stalls"].world(0)
+    return Job(world=world, config=BROKEN, early_stop=True, specifications=(STANDS,))
 
 
 def stored(directory: Path, job: Job, judged: Judged) -> Campaign:

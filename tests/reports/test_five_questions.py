@@ -44,7 +44,7 @@ TRUTH = {
 )
 def case(request, tmp_path_factory):
     directory = tmp_path_factory.mktemp("planted") / "campaign"
-    campaign = planted_campaign(directory, request.param, ("no_deadlock",))
+    campaign = planted_campaign(directory, request.param, ("no_deadlock{look_ahead: 40}",))
     html = reporting.write_report(campaign, directory / "report.html").read_text()
     return request.param, campaign, newcomer.read(html)
 

@@ -8,7 +8,7 @@ import pytest
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.world import World
-from mrta_falsify.specs.library import build_specifications, default_specifications
+from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.stack.dispatcher import Dispatcher
 from mrta_falsify.stack.pipeline import Stack
 from scenic_worlds.layouts import load_world
@@ -17,6 +17,15 @@ from simulator_interface.simulate import Outcome, simulate
 pytestmark = pytest.mark.slow  # whole missions
 
 KINEMATIC = dataclasses.replace(StackConfig(), engine=Choice("kinematic"))
+JUDGES = (
+    "exclusive_use",
+    "kinematic_limits",
+    "honest_events",
+    "all_tasks_done",
+    "deadlines",
+    "no_starvation",
+    "progress",
+)
 HORIZON = 300.0  # s; the default stack delivers the last task of the day at 242 s
 
 
@@ -32,8 +41,7 @@ def usual(day) -> Outcome:
 
 
 def run(world: World, config: StackConfig = KINEMATIC) -> Outcome:
-    names = [name for name in default_specifications() if name != "no_deadlock"]
-    return simulate(world, config, specifications=build_specifications(names), keep_trace=False)
+    return simulate(world, config, specifications=build_specifications(JUDGES), keep_trace=False)
 
 
 def verdict(outcome: Outcome, name: str):
@@ -90,7 +98,7 @@ def test_a_stack_that_says_at_once_that_all_is_done_fails(day, monkeypatch):
     monkeypatch.setattr(Dispatcher, "_take_arrivals", lambda self, state, time: False)
     tasks = len(day.tasks)
     says(monkeypatch, lambda time, events: all_claims(time, tasks) if time == 0.0 else events)
-    outcome = run(day)
+    outcome = run(dataclasses.replace(day, horizon=60.0))
     assert (outcome.ended, outcome.tasks.completed) == ("horizon", 0)
     assert verdict(outcome, "all_tasks_done").robustness == -1.0
     assert verdict(outcome, "deadlines").violated
@@ -108,6 +116,7 @@ def test_refused_claims_end_no_run_and_stand_in_no_ones_way(day, usual, monkeypa
     assert verdict(outcome, "honest_events").violated
 
 
+@pytest.mark.long
 def test_a_task_that_no_one_claims_is_undelivered(day, monkeypatch):
     def silent(time, events):
         return tuple(e for e in events if not (e.kind == "dropped-off" and e.task == 2))
@@ -119,7 +128,8 @@ def test_a_task_that_no_one_claims_is_undelivered(day, monkeypatch):
 
 
 def test_a_stack_that_tells_no_deliveries_runs_to_the_horizon_and_is_not_judged(day):
-    outcome = run(day, dataclasses.replace(KINEMATIC, withheld=("deliveries",)))
+    short = dataclasses.replace(day, horizon=60.0)
+    outcome = run(short, dataclasses.replace(KINEMATIC, withheld=("deliveries",)))
     assert outcome.ended == "horizon"
     assert not outcome.tasks.told
     unjudged = {v.spec for v in outcome.verdicts if v.not_judged}

@@ -16,6 +16,7 @@ from mrta_falsify.cli import main
 from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.world import write_world
+from mrta_falsify.testing.planted import STANDS
 from mrta_falsify.verbs import replay
 from mrta_falsify.verbs.minimize import minimising
 from mrta_falsify.verbs.report import build
@@ -56,7 +57,7 @@ def called(folder, monkeypatch, args, *, room=None):
         return CliRunner().invoke(main, args)
 
 
-STACK = ("--set", "engine=kinematic", "--spec", "no_deadlock")
+STACK = ("--set", "engine=kinematic", "--spec", STANDS)
 QUICK = {
     "run": ("run", "world.json", *STACK, "-o", "out"),
     "sdf": ("export", "world.json", "--format", "sdf", "-o", "w.sdf"),

@@ -36,7 +36,7 @@ def ring_campaign(tmp_path_factory):
     job = Job(
         world=world,
         config=on_kinematic_engine(StackConfig()),
-        specifications=("no_deadlock",),
+        specifications=("no_deadlock{copies: 1, look_ahead: 30, members: false}",),
         early_stop=True,
     )
     campaign = stored(directory, job, judge(job))
@@ -142,7 +142,7 @@ def test_robots_that_can_go_get_no_certificate(tmp_path):
     world = load_scene("doorway").world
     write_world(world, tmp_path / "world.json")
     job = Job(
-        world=world, config=on_kinematic_engine(StackConfig()), specifications=("no_deadlock",)
+        world=world, config=on_kinematic_engine(StackConfig()), specifications=("all_tasks_done",)
     )
     write_trace(judge(job).outcome.trace, tmp_path / "trace.zip")
     sought = certify(tmp_path)

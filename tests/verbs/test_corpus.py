@@ -15,12 +15,6 @@ from tests.failing_stacks import Sleeps
 from tests.reports.planted import BROKEN, stored
 
 
-@pytest.fixture
-def in_process(monkeypatch):
-    """Runs in this process instead of in workers."""
-    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
-
-
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.slow
 def test_a_failure_is_fixed_on_a_stack_without_its_defect_and_stays_on_its_own(campaign):

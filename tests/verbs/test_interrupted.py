@@ -16,7 +16,6 @@ from mrta_falsify.campaigns.store import Store, read_campaign
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.interruption import Interrupted
-from mrta_falsify.lab import laboratory
 from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import on_kinematic_engine
 from mrta_falsify.verbs import campaign as campaigns
@@ -24,7 +23,7 @@ from mrta_falsify.verbs import corpus
 from mrta_falsify.verbs.campaign import run_store
 from mrta_falsify.verbs.campaign_summary import NoProbability, summarise_campaign
 from mrta_falsify.verbs.explain.explaining import explain
-from mrta_falsify.verbs.minimize import minimising
+from mrta_falsify.verbs.minimize import minimising, reruns
 from mrta_falsify.verbs.minimize.minimising import minimize
 from mrta_falsify.verbs.replay import replay
 from mrta_falsify.verbs.run import run
@@ -62,9 +61,9 @@ def interrupts(monkeypatch):
 
 
 @pytest.fixture
-def in_process(monkeypatch):
-    """Runs in this process instead of in workers."""
-    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
+def few_votes(monkeypatch):
+    """Lets two perturbed runs vote on a smallest world instead of ten."""
+    monkeypatch.setattr(reruns, "PERTURBED", 2)
 
 
 def test_an_interrupted_episode_has_no_outcome(stalled, interrupts):
@@ -169,6 +168,7 @@ def test_explain_goes_on_to_the_same_explanation(campaign, interrupts):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("few_votes")
 def test_minimize_keeps_no_answer_of_an_interrupted_run(campaign, interrupts, tmp_path):
     record, folder = campaign.record("0"), campaign.directory / "trials" / "0000"
     interrupts(3)
@@ -184,6 +184,7 @@ def test_minimize_keeps_no_answer_of_an_interrupted_run(campaign, interrupts, tm
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("few_votes")
 def test_minimize_does_not_believe_the_cache_of_an_older_version(campaign):
     record, folder = campaign.record("0"), campaign.directory / "trials" / "0000"
     found = minimize(campaign, record, max_runs=3)

@@ -7,20 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.core.config import Choice
-from mrta_falsify.lab import laboratory
 from scenic_worlds import program as _loaded  # noqa: F401 - a run in this process would unload it
 from tests.quick_program import PROGRAM
 
 pytest_plugins = ["pytester"]
 PLUGIN = ("-p", "mrta_falsify.pytest_plugin", "-p", "no:randomly")
 ROOT = Path(__file__).parent.parent.parent
-
-
-@pytest.fixture
-def in_process(monkeypatch):
-    """Runs in this process instead of in workers."""
-    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
 
 
 def test_the_plug_in_is_registered_under_the_name_of_its_module():

@@ -16,7 +16,7 @@ from mrta_falsify.verbs.explain.changes import Change
 from mrta_falsify.verbs.explain.explaining import explain_job
 from mrta_falsify.verbs.explain.rewinding import Branch, branches_of, rewind
 from mrta_falsify.verbs.explain.rows import Failure
-from tests.reports.planted import BROKEN
+from tests.reports.planted import stalled_job
 
 FOUND = 40.0  # s
 VERDICT = Verdict(spec="no_deadlock", robustness=-1.0, violated=True, violated_at=FOUND)
@@ -176,8 +176,8 @@ def test_layers_that_removed_the_failure_are_replaced_and_shipped_ones_from_the_
 
 @pytest.mark.long
 def test_a_planted_layer_is_found_to_have_decided_a_real_failure(stalled):
-    world, judged = stalled
-    job = Job(world=world, config=BROKEN, early_stop=True, specifications=("no_deadlock",))
+    _, judged = stalled
+    job = stalled_job()
     found = explain_job(job, max_runs=18, rewinds=64).inevitability
     assert found.by == "waypoint_generator"
     assert 0.0 < found.decided_at <= found.found  # it helps as long as the robots wait

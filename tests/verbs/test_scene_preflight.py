@@ -60,7 +60,13 @@ def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypa
         scene_preflight, "preflight", lambda world: looked_at.append(plain(world)) or looked_at[-1]
     )
     result = campaign(
-        program, tmp_path / "c", sampler="samplers.demanding:DemandingSampler", budget=4, workers=1
+        program,
+        tmp_path / "c",
+        sampler="samplers.demanding:DemandingSampler",
+        budget=4,
+        executor="serial",
+        settings=["engine=kinematic"],
+        specs=["deadlines"],
     )
     assert len(result.campaign.records) == 4
     known = np.array(looked_at)

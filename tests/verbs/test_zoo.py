@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
-from mrta_falsify.core.config import Choice, StackConfig
+from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError, UnknownNameError
 from mrta_falsify.core.verdict import unjudged
 from mrta_falsify.lab import RunResult, laboratory
@@ -23,13 +23,11 @@ from simulator_interface.starts import check_starts
 BREAKS = {
     "ring_of_six_areas_full": "no_deadlock",
 }
-SLOW = {"ring_of_six_areas_full", "back_through_the_crossing", "two_zones_at_once"}
-
-
-@pytest.fixture
-def in_process(monkeypatch):
-    """Runs in this process instead of in workers."""
-    monkeypatch.setattr(laboratory, "local_workers", lambda count: Choice("serial"))
+SLOW = {
+    "back_through_the_crossing": pytest.mark.slow,
+    "ring_of_six_areas_full": pytest.mark.long,
+    "two_zones_at_once": pytest.mark.slow,
+}
 
 
 @pytest.mark.parametrize("name", scene_names())
@@ -49,7 +47,7 @@ def test_only_the_full_ring_cannot_be_done():
 @pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in scene_names()],
+    [pytest.param(name, marks=SLOW.get(name, ())) for name in scene_names()],
 )
 def test_the_default_stack_does_what_is_recorded(name):
     (row,) = zoo.run_zoo(f"zoo/{name}", jittered=0)

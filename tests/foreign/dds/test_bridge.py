@@ -20,6 +20,7 @@ from mrta_falsify.core.errors import ConfigError, InputError
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
+from mrta_falsify.testing.planted import STANDS
 from simulator_interface.foreign.dds.bridge_settings import BridgeSettings, read_settings
 from simulator_interface.foreign.dds.domains import ReservedDomain, environment
 from simulator_interface.simulate import Outcome, simulate
@@ -52,7 +53,7 @@ def run(config: StackConfig, *specifications) -> Outcome:
     return simulate(world, config, specifications=specifications)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("coupling", ["stepped", "awaited", "paced"])
 def test_nodes_drive_a_robot_in_each_coupling_and_the_run_says_which(coupling, tmp_path):
     judge = Repeatable(Repeatable.Options())
@@ -80,7 +81,7 @@ def test_stepped_runs_are_equal(tmp_path):
     assert run(config).trace.digest == run(config).trace.digest
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tmp_path):
     config = bridge(
         tmp_path,
@@ -89,7 +90,7 @@ def test_a_dispatcher_of_ros_messages_delivers_tasks_while_the_harness_drives(tm
         says=["deliveries", "goals"],
     )
     world = dataclasses.replace(lane_world(head_on=False, followers=1), horizon=90.0)
-    judges = build_specifications(["all_tasks_done", "no_deadlock"])
+    judges = build_specifications(["all_tasks_done", STANDS])
     outcome = simulate(world, config, specifications=judges)
     assert outcome.ended == "all-tasks-done"
     assert outcome.tasks.completed == outcome.tasks.total == 2
@@ -103,7 +104,7 @@ def test_a_deadlock_of_stepped_nodes_is_confirmed_by_copies_with_nodes_of_their_
         commands=[[sys.executable, "-m", "tests.foreign.dds.fetching_node", "ahead"]],
         says=["deliveries", "goals"],
     )
-    (judge,) = build_specifications(["no_deadlock"])
+    (judge,) = build_specifications([STANDS])
 
     def stop(frame) -> str:
         return "decided" if judge.verdict().violated else ""
@@ -115,7 +116,7 @@ def test_a_deadlock_of_stepped_nodes_is_confirmed_by_copies_with_nodes_of_their_
     assert set(judge.verdict().who) == {"robot1", "robot2"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -139,7 +140,7 @@ def test_what_keeps_a_run_from_starting_is_bad_input_in_one_sentence(settings, s
         run(bridge(tmp_path, **settings))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_nodes_that_stop_acknowledging_are_a_failure_of_the_stack(tmp_path):
     both = [*nodes("awaited"), [sys.executable, "-m", "tests.foreign.dds.silent_node"]]
     outcome = run(bridge(tmp_path, commands=both, step_limit=0.5))

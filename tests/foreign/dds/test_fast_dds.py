@@ -25,7 +25,7 @@ HEADERS = Path("/usr/include")
 TICKS = 300
 
 pytestmark = [
-    pytest.mark.slow,  # compiles C++
+    pytest.mark.long,  # compiles C++
     pytest.mark.skipif(sys.platform != "linux", reason="domains are reserved on Linux"),
     pytest.mark.skipif(
         shutil.which("g++") is None
