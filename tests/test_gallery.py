@@ -28,16 +28,8 @@ def test_every_case_of_the_gallery_has_its_section_picture_and_commands():
     assert len(re.findall(r"^## ", page, re.MULTILINE)) == len(cases)
 
 
-def _cases():
-    """List the cases of the gallery; the tests of `explain` run the longest in `make test`, too."""
-    marks = {"stuck_at_the_door": pytest.mark.long}
-    return [
-        pytest.param(case, id=case.name, marks=marks.get(case.name, pytest.mark.slow))
-        for case in draw_gallery.read_cases()
-    ]
-
-
-@pytest.mark.parametrize("case", _cases())
+@pytest.mark.long
+@pytest.mark.parametrize("case", draw_gallery.read_cases(), ids=lambda case: case.name)
 def test_the_smallest_worlds_of_the_gallery_fail_as_it_says_or_pass_since(case):
     folder = draw_gallery.FOLDER / case.name
     program = folder / "world.min.scenic"

@@ -52,7 +52,7 @@ def test_the_budget_counts_simulated_candidates_not_rejected_ones(tmp_path):
 
 @pytest.mark.parametrize(
     "workers",
-    [(2,), *(pytest.param(counts, marks=pytest.mark.slow) for counts in ((1,), (4,), (2, 0, 4)))],
+    [(2,), *(pytest.param(counts, marks=pytest.mark.long) for counts in ((1,), (4,), (2, 0, 4)))],
 )
 def test_any_number_of_workers_gives_the_same_log_and_files(tmp_path, workers):
     """On 1, 2 and 4 workers, and begun on two, gone on with in this process, ended on four."""

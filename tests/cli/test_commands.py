@@ -267,7 +267,7 @@ def test_the_demo_ends_with_the_path_of_its_page(cli, tmp_path):
     assert "seed 0" in result.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_doctor_finds_this_machine_in_order(cli):
     result = cli("doctor", "--format", "json")
     data = json.loads(result.stdout)
@@ -277,7 +277,7 @@ def test_doctor_finds_this_machine_in_order(cli):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bench_has_the_fields_of_the_contract(cli):
     result = cli("bench", "--robots", "6", "--seconds", "15", "--format", "json")
     assert result.exit_code == 0, result.stderr

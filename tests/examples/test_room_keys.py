@@ -45,7 +45,7 @@ def search(example: Path, output: Path, *options: str) -> Campaign:
     return open_campaign(output)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_room_keys_does_an_ordinary_day(example, tmp_path):
     campaign = search(example, tmp_path / "day", "--budget", "1", "--sampler", "random")
     (record,) = campaign.records

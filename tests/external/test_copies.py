@@ -77,7 +77,7 @@ def outside(world, config: StackConfig, folder: Path, branch: str) -> StackConfi
     return dataclasses.replace(config, stack=stack)
 
 
-@pytest.mark.parametrize("branch", ["fork", "replay"])
+@pytest.mark.parametrize("branch", ["fork", pytest.param("replay", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("name", "engine"),
     [
@@ -96,6 +96,7 @@ def test_the_same_stack_through_the_door_gives_the_same_run(
     assert found.verdicts == usual.verdicts
 
 
+@pytest.mark.long
 def test_stored_answers_give_the_run_again_without_the_stack(tmp_path):
     world, config = case("costmap_blind_to_furniture", "kinematic")
     through = outside(world, config, tmp_path, "fork")

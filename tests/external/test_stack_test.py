@@ -35,7 +35,7 @@ def bad_stack(monkeypatch):
     return lambda how, at: f"{sys.executable} {BAD} {how} {at}"
 
 
-@pytest.mark.parametrize("language", ["python", "cpp"])
+@pytest.mark.parametrize("language", ["python", pytest.param("cpp", marks=pytest.mark.long)])
 def test_the_stacks_to_begin_with_pass_and_their_ticks_are_timed(language, tmp_path):
     mf.init(tmp_path / "first", stack=language)
     if language == "cpp":

@@ -72,7 +72,7 @@ def read_sdf(tmp_path_factory):
     return read
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_libsdformat_reads_every_outline_that_was_written(read_sdf, hall, tmp_path):
     table = hall.furniture[0]
     bed = Blockage(name="bed", polygon=frozen_array([[1, 1], [2, 1], [2, 2]]), start=0.0, end=9.0)
@@ -90,7 +90,7 @@ def test_libsdformat_reads_every_outline_that_was_written(read_sdf, hall, tmp_pa
         np.testing.assert_allclose(outlines[name], polygon, atol=2e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["world", "__model__", "a b", ""])
 def test_libsdformat_accepts_any_name_of_a_world(read_sdf, hall, tmp_path, name):
     write_sdf(dataclasses.replace(hall, name=name), tmp_path / "w.sdf")
@@ -99,7 +99,7 @@ def test_libsdformat_accepts_any_name_of_a_world(read_sdf, hall, tmp_path, name)
     assert len(outlines) == 5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_strict_reader_refuses_what_is_no_sdf(read_sdf, hall, tmp_path):
     write_sdf(hall, tmp_path / "w.sdf")
     text = (tmp_path / "w.sdf").read_text()

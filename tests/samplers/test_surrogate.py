@@ -168,6 +168,6 @@ def robust_failures(seed: int) -> int:
     return robust
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_knife_edges_do_not_hold_the_search():
     assert sum(map(robust_failures, range(4))) > 4 * 9

@@ -47,7 +47,7 @@ def test_scene_goes_well_in_bullet(scene):
     assert went_well(watch(scene.world(), *scene.settings, engine="bullet"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_script_draws_a_picture(tmp_path):
     code = (
         "import pathlib, sys; from tests.scenes import pictures;"

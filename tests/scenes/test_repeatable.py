@@ -42,7 +42,7 @@ def noisy_day(seed: int) -> World:
 @pytest.mark.parametrize(
     ("engine", "runs", "processes"),
     [
-        pytest.param("bullet", 4, 2, marks=pytest.mark.slow),
+        pytest.param("bullet", 2, 2, marks=pytest.mark.slow),
         pytest.param("kinematic", 8, 3, marks=pytest.mark.long),
         pytest.param("bullet", 8, 3, marks=pytest.mark.long),
     ],

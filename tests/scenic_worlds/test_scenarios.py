@@ -83,7 +83,7 @@ def test_a_scenario_has_variation_worth_searching(programs, name):
         bodies.check_start_footprints(world)
 
 
-@pytest.mark.parametrize("horizon", [30.0, pytest.param(np.inf, marks=pytest.mark.long)])
+@pytest.mark.parametrize("horizon", [12.0, pytest.param(np.inf, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", scenario_names())
 def test_a_scenario_runs_to_an_end(programs, name, horizon):
     config = apply_setting(StackConfig(), "engine=kinematic")

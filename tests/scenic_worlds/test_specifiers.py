@@ -24,11 +24,16 @@ LEVEL = 0.002  # of a test; 999 permutations can tell 0.001
 #: where Scenic's pruning draws apart, reaches out of the container, or weighs by what is visible
 PRUNED = (
     "on line",
-    "on region, back edge",
-    "on region, facing",
-    "beyond",
-    "in region, visible",
-    "mutated on line",
+    *(
+        pytest.param(name, marks=pytest.mark.long)
+        for name in (
+            "on region, back edge",
+            "on region, facing",
+            "beyond",
+            "in region, visible",
+            "mutated on line",
+        )
+    ),
 )
 
 

@@ -180,11 +180,12 @@ def _damage(folder: Path, rng: random.Random) -> None:
     file.write_bytes(raw)
 
 
+@pytest.mark.parametrize("count", [4, pytest.param(20, marks=pytest.mark.long)])
 @pytest.mark.parametrize("kind", [*KINDS, "run"])
-def test_damaged_logs_are_told_in_a_sentence(kind, logs, run, tmp_path):
+def test_damaged_logs_are_told_in_a_sentence(kind, count, logs, run, tmp_path):
     rng = random.Random(21)
     refused = 0
-    for _ in range(20):
+    for _ in range(count):
         copy = tmp_path / "log"
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(run if kind == "run" else logs[kind], copy)
@@ -198,4 +199,4 @@ def test_damaged_logs_are_told_in_a_sentence(kind, logs, run, tmp_path):
             refused += 1
         else:
             assert done.robots
-    assert refused >= (5 if kind == "run" else 0)
+    assert refused >= (count // 4 if kind == "run" else 0)
