@@ -56,7 +56,7 @@ def found(campaign):
     return record
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_both_fail_at_is_counted_and_is_no_find(campaign, found):
     directory, begun, resumed = campaign
     assert begun.exit_code == 0, begun.stderr
@@ -76,7 +76,7 @@ def test_what_both_fail_at_is_counted_and_is_no_find(campaign, found):
     assert stored.jittered == 4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_list_show_and_replay_know_both_stacks(campaign, found, call):
     directory, *_ = campaign
@@ -102,7 +102,7 @@ def test_list_show_and_replay_know_both_stacks(campaign, found, call):
     assert "the other stack was not run" in refused.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_the_smallest_world_still_tells_the_stacks_apart(campaign, found, call, tmp_path):
     directory = shutil.copytree(campaign[0], tmp_path / "c")
@@ -132,7 +132,7 @@ def test_the_smallest_world_still_tells_the_stacks_apart(campaign, found, call, 
     assert "Against the other stack: the other stack passes" in (directory / "r.md").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_a_smallest_world_may_not_cost_more_runs_than_allowed(campaign, found, tmp_path):
     directory = shutil.copytree(campaign[0], tmp_path / "c")

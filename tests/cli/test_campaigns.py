@@ -30,7 +30,7 @@ def campaign(tmp_path_factory):
 
     begun = call(
         "campaign", folder / "small.scenic", "-o", folder / "c", "--budget", 3, "--seed", 4,
-        "--executor", "serial", *QUICK, "--format", "json",
+        "--perturbed", 0, "--executor", "serial", *QUICK, "--format", "json",
     )  # fmt: skip
     resumed = call(
         "campaign", "--resume", folder / "c", "--budget", 6, "--executor", "serial",
@@ -144,7 +144,7 @@ def test_a_dry_run_stores_nothing_and_says_what_it_costs(campaign):
     assert sorted(directory.parent.rglob("*")) == before
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_workers_that_would_be_idle_are_told_of(campaign):
     directory, call, *_ = campaign
     folder = directory.parent
@@ -171,7 +171,7 @@ def test_copies_say_which_failures_are_robust(campaign):
     directory, call, *_ = campaign
     folder = directory.parent
     result = call(
-        "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 6,
+        "campaign", folder / "small.scenic", "-o", folder / "j", "--budget", 4,
         "--executor", "serial", "--seed", 4, "--perturbed", 3, *QUICK, "--format", "json",
     )  # fmt: skip
     assert result.exit_code == 1, result.stderr

@@ -170,7 +170,10 @@ def head_on_in_a_lane():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("engine", "judge"),
-    [("bullet", STANDS), ("kinematic", "no_deadlock"), ("mujoco", STANDS)],
+    [
+        *(pytest.param(engine, STANDS, id=engine) for engine in ENGINES),
+        pytest.param("kinematic", "no_deadlock", id="to the end", marks=pytest.mark.long),
+    ],
 )
 def test_a_creeping_pair_is_claimed_at_once_with_both_members_and_a_closed_cycle(engine, judge):
     world, config = head_on_in_a_lane()

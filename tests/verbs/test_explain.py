@@ -54,7 +54,7 @@ def test_the_layer_whose_exchange_removes_the_failure_is_named(tmp_path):
 
 @pytest.mark.slow
 def test_what_costs_a_deadline_is_looked_for_from_the_start():
-    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=8)
+    found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=4)
     assert found.changed_at == 0.0
     assert {row.at for row in found.rows} == {0.0}
 

@@ -77,7 +77,9 @@ def test_a_marked_test_fails_with_what_its_search_finds(pytester):
         """
         import pytest
 
-        OPTIONS = dict(settings=["engine=kinematic"], sampler="random", seed=4, executor="serial")
+        OPTIONS = dict(
+            settings=["engine=kinematic"], sampler="random", seed=4, executor="serial", jittered=0
+        )
 
         @pytest.mark.mrta_scenario("small.scenic", budget=6, specs=["deadlines"], **OPTIONS)
         def test_deadlines_are_kept(mrta_campaign):

@@ -65,6 +65,7 @@ def test_trials_of_a_campaign_run_what_was_looked_at(program, tmp_path, monkeypa
         sampler="samplers.demanding:DemandingSampler",
         budget=4,
         executor="serial",
+        jittered=0,
         settings=["engine=kinematic"],
         specs=["deadlines"],
     )
