@@ -32,7 +32,7 @@ def test_a_world_fails_on_an_engine_where_most_of_its_runs_do(failed, copies, fa
     assert run_on("mujoco", failed, copies).total.robust is fails
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_record_says_where_a_failure_fails_and_where_not(records):
     record = dataclasses.replace(
         records[0],
@@ -71,7 +71,7 @@ def records(small):
     return open_campaign(small).records
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records):
     failed = [record for record in records if record.is_primary]
     assert failed
@@ -84,7 +84,7 @@ def test_failures_are_run_on_the_engines_asked_for_and_no_other_trial_is(records
     assert run.trace_digest not in ("", failed[0].trace_digest)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_list_show_and_report_tell_on_which_engines_a_failure_fails(small, records, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("NO_COLOR", "1")

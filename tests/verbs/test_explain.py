@@ -52,7 +52,7 @@ def test_the_layer_whose_exchange_removes_the_failure_is_named(tmp_path):
     assert kept == {"as_it_is": "['exclusive_use']", "queue_policy": "[]"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_costs_a_deadline_is_looked_for_from_the_start():
     found = explain_job(_job("planner_failure_blocks_all", "deadlines"), max_runs=4)
     assert found.changed_at == 0.0
