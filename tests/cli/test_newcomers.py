@@ -90,14 +90,17 @@ def test_directories_are_text_or_paths():
 # --- another version --------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_a_replay_of_another_versions_trial_compares_verdicts(cli, tmp_path, monkeypatch):
+@pytest.mark.long
+def test_a_replay_of_another_versions_trial_says_so(cli, tmp_path):
     shutil.copytree(RECORDED / "stalls", tmp_path / "stalls")
-    record = mf.show(tmp_path / "stalls", 4)
     result = cli("replay", "stalls", "4")
     assert result.exit_code == 0, result.stderr
     assert "recorded by another version" in result.stdout
-    # On a version whose digests differ, verdicts decide.
+
+
+def test_verdicts_decide_on_a_version_whose_digests_differ(tmp_path, monkeypatch):
+    shutil.copytree(RECORDED / "stalls", tmp_path / "stalls")
+    record = mf.show(tmp_path / "stalls", 4)
     from mrta_falsify.verbs import replay as replaying
 
     def elsewhere(lab, experiments):

@@ -215,7 +215,7 @@ def call(*args: str):
     return CliRunner().invoke(main, list(args))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_hang_in_compiled_code_is_a_trial_s_verdict_and_is_replayed(place):
     record = campaign(place, "LoopsIfFast")
     assert record.signature == "stack_runs/hang/controller"
