@@ -43,8 +43,7 @@ if "PYTEST_XDIST_WORKER" not in os.environ:  # its processes share those of the 
 HERE = Path(__file__).resolve().parent
 DATA = HERE.parents[1] / "shared" / "data"
 
-#: Parts of ``make long``, each about as long as the others, by folder or module. The last part has
-#: what stands in no other.
+#: Parts of ``make long``, by folder or module; the last part has what stands in no other.
 PARTS = (
     ("test_docs.py", "test_gallery.py", "test_tutorials.py"),
     ("recorded", "reports", "scenes", "test_site.py", "test_wheel.py"),

@@ -16,6 +16,7 @@ CASES = Path(__file__).with_name("dask_on_loopback.py")
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1200)
 def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
     pytest.importorskip("distributed")
     command = [
@@ -35,7 +36,7 @@ def test_a_dask_scheduler_with_two_workers_keeps_what_executors_promise():
                 cwd=CASES.parents[2],
                 capture_output=True,
                 text=True,
-                timeout=280,
+                timeout=500,
                 check=False,
             )
         except subprocess.TimeoutExpired:
