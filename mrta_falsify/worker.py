@@ -223,7 +223,7 @@ class TrialRunner:
         outcome = judged.outcome
         keep = judged.failed or record.number % self._settings.keep_every == 0
         trace_file = self._write(world, outcome, record.number) if keep else ""
-        copies = comparison.jittered
+        copies = comparison.jittered or PerturbedRuns(runs=0, failed=0)
         layer = ""
         if judged.failed:
             layer = suspect(self._settings.stack, judged.verdicts, outcome.trace)
@@ -239,10 +239,10 @@ class TrialRunner:
             descriptors=judged.descriptors,
             situations=judged.situations,
             blamed=blamed(judged),
-            expected=copies.objectives if copies is not None else {},
-            noise=copies.noise if copies is not None else {},
+            expected=copies.objectives,
+            noise=copies.noise,
         )
-        vote = copies.vote if copies is not None else None
+        vote = PerturbedRuns.vote(comparison.jittered)
         return dataclasses.replace(record, result=result, vote=vote, search=search)
 
     def _write(self, world: World, outcome: Outcome, number: int, beside: str = "") -> str:
@@ -325,7 +325,7 @@ def engine_run(
         trace_digest=run.trace,
         sim_time=run.sim_time,
         wall_s=run.wall_s,
-        vote=jittered.vote if jittered is not None else None,
+        vote=PerturbedRuns.vote(jittered),
     )
 
 

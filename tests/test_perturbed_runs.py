@@ -90,7 +90,7 @@ def record_of(said: Comparison, result: RunResult) -> TrialRecord:
         score=trial_score(judged, said),
         expected=copies.objectives if copies else {},
         signature="no_deadlock",
-        vote=copies.vote if copies else None,
+        vote=PerturbedRuns.vote(copies),
         other=said.other,
     )
 

@@ -59,7 +59,7 @@ from mrta_falsify.core.durable import (
 )
 from mrta_falsify.core.errors import FormatError, InputError, InputNote, PlaceError
 from mrta_falsify.core.parsing import parse_json, refuse_pipe
-from mrta_falsify.core.record import OtherRun, SearchData, TrialRecord
+from mrta_falsify.core.record import OtherRun, PerturbedRuns, SearchData, TrialRecord
 from mrta_falsify.core.run_result import Rank
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.causes import kind_of
@@ -213,12 +213,11 @@ def _of_other(record: TrialRecord, other: OtherRun) -> TrialRecord:
         trace_file=other.trace_file,
         coupling=None,
     )
-    copies = other.jittered
     return dataclasses.replace(
         record,
         origin=dataclasses.replace(record.origin, screening=None),
         result=result,
-        vote=copies.vote if copies is not None else None,
+        vote=PerturbedRuns.vote(other.jittered),
         repeats=None,
         other=None,
         engines={},

@@ -33,10 +33,10 @@ class PerturbedRuns(Vote):
     """Margins as copies tell them (:func:`mrta_falsify.perturbed_runs.expected_margin`)."""
     noise: dict[str, float] = later(dict)  #: variances of these, where above 0
 
-    @property
-    def vote(self) -> Vote:
-        """The counts alone."""
-        return Vote(runs=self.runs, failed=self.failed)
+    @staticmethod
+    def vote(runs: PerturbedRuns | None) -> Vote | None:
+        """Give the counts alone; None where no copies were run."""
+        return Vote(runs=runs.runs, failed=runs.failed) if runs is not None else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
