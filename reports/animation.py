@@ -22,11 +22,17 @@ from mrta_falsify.core.exporting import Exported
 from mrta_falsify.core.fleet import Phase
 from mrta_falsify.specs.books import confirmed
 from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
+from reports.contents import RunView
 from reports.floor_plot import draw_floor
-from reports.floor_scene import Extent, Role, Shape, extent_of
-from reports.furnishing import fixed_outlines
-from reports.moving_scene import moving_scene, outline_of
-from reports.run_view import RunView
+from reports.floor_scene import (
+    Extent,
+    Role,
+    Shape,
+    extent_of,
+    fixed_outlines,
+    moving_scene,
+    outline_of,
+)
 
 HEIGHT = 900  # pixels of the taller side
 LEAST_WIDTH = 320  # pixels; the banner fits

@@ -20,11 +20,10 @@ from mrta_falsify.core.wait_account import WaitAccount, tick_of, wait_account
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import cause_begins
 from reports import floor_drawings, packing, time_charts
-from reports.chance_curves import draw_chances
 from reports.colours import costmap_colours
 from reports.contents import CaseContents
 from reports.floor_scene import costmap_extent
-from reports.timelines import draw_timelines
+from reports.timelines import draw_chances, draw_timelines
 from reports.wait_graph_drawing import draw_wait_graph
 
 COSTMAP_STEP = 21  # cost values that share a colour

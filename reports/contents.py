@@ -1,4 +1,4 @@
-"""What a report says, as values; other modules turn them into pages and texts."""
+"""What reports, and pictures of runs, are made from, as values; renderers turn them into pages."""
 
 from __future__ import annotations
 
@@ -189,3 +189,20 @@ class ReportContents:
         if self.run is not None:
             return any(verdict.violated for verdict in self.run.verdicts)
         return bool(self.modes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunView:
+    """What pictures and pages of one run are made from."""
+
+    world: World
+    trace: Trace
+    verdicts: tuple[Verdict, ...] = ()
+    costmap: Costmap | None = None  #: at time 0
+    facts: tuple[tuple[str, str], ...] = ()  #: label and text, shown in this order
+
+
+def kept_column(trace: Trace, name: str) -> np.ndarray | None:
+    """Column of a trace; None if the trace was not kept, or is empty."""
+    column = trace.columns.get(name)
+    return column if column is not None and len(column) else None

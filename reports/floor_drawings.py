@@ -13,9 +13,18 @@ from mrta_falsify.core.wait_account import Arrow
 from mrta_falsify.core.world import Blockage, World
 from reports.colours import robot_colour
 from reports.contents import TrialScores
-from reports.floor_scene import Extent, Role, Shape, extent_of, floor_at, floor_scene, shapes_at
-from reports.furnishing import furniture_poses
-from reports.moving_scene import moving_scene, path_scene
+from reports.floor_scene import (
+    Extent,
+    Role,
+    Shape,
+    extent_of,
+    floor_at,
+    floor_scene,
+    furniture_poses,
+    moving_scene,
+    path_scene,
+    shapes_at,
+)
 from reports.svg import Drawing, FloorProjection
 
 

@@ -8,13 +8,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.costmap import Costmap
 from mrta_falsify.core.world import World
-from reports.colours import INK, PAINTS, UNSAFE, costmap_image
-from reports.floor_scene import Extent, Role, Shape, costmap_extent, extent_of, floor_scene
+from reports.colours import INK, PAINTS, UNSAFE, costmap_image, person_colour, robot_colour
+from reports.floor_scene import (
+    Extent,
+    Role,
+    Shape,
+    costmap_extent,
+    extent_of,
+    floor_scene,
+    outline_of,
+)
 
 LONG_SCALE, SHORT_SCALE = 5.0, 1.0  # m, lengths of the scale bar
 WIDE_FLOOR = 12.0  # m; wider floors get the long scale bar
@@ -218,4 +227,56 @@ def draw_label(
         zorder=12,
         path_effects=[withStroke(linewidth=2.2, foreground="white")],
         clip_on=True,
+    )
+
+
+# --- people and robots ----------------------------------------------------------------------
+
+
+class BodyStyle(NamedTuple):
+    """How people and robots are drawn."""
+
+    person: float = 7.0  #: diameter of a person [pt]
+    route: float = 1.1  #: width of a route [pt]
+    scale: float = 1.0  #: robots are drawn so many times as large as they are
+    edge: float = 0.8  #: width of a robot's outline [pt]
+
+
+def paint_bodies(axes: Axes, shapes: Iterable[Shape], style: BodyStyle | None = None) -> None:
+    """Paint people with their routes, and robots."""
+    style = style or BodyStyle()
+    for shape in shapes:
+        if shape.role is Role.ROUTE:
+            axes.plot(
+                *shape.points.T,
+                color=person_colour(blind=shape.blind),
+                linewidth=style.route,
+                linestyle=(0, (3, 2)),
+                alpha=0.55,
+                zorder=7,
+            )
+        elif shape.role in (Role.PERSON, Role.BLIND_PERSON):
+            axes.plot(
+                *shape.points.T,
+                marker="o",
+                markersize=style.person,
+                color=PAINTS[shape.role].fill,
+                markeredgecolor=PAINTS[shape.role].edge,
+                markeredgewidth=0.4,
+                zorder=8,
+            )
+        elif shape.role is Role.ROBOT:
+            paint_robot(axes, shape, style)
+
+
+def paint_robot(axes: Axes, robot: Shape, style: BodyStyle, *, layer: float = 9) -> None:
+    """Paint a robot as an arrow that points forward."""
+    axes.add_patch(
+        Polygon(
+            outline_of(robot, scale=style.scale),
+            facecolor=robot_colour(robot.number),
+            edgecolor="white",
+            linewidth=style.edge,
+            zorder=layer,
+        )
     )

@@ -26,8 +26,7 @@ from mrta_falsify.core.words import number_text
 from mrta_falsify.core.world import World
 from reports.colours import robot_colour
 from reports.contents import TrialTable
-from reports.floor_scene import Role, Shape, extent_of, floor_scene
-from reports.furnishing import fixed_outlines, furniture_poses
+from reports.floor_scene import Role, Shape, extent_of, fixed_outlines, floor_scene, furniture_poses
 
 FRAME_RATE = 5.0  # Hz kept for the replay
 FULL_WINDOW = 120.0  # s before the end that are kept at this rate however long the run is

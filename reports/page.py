@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
 from markupsafe import Markup
 
 from mrta_falsify.core.durable import write_atomically
+from mrta_falsify.core.world import World
 from reports import floor_drawings, time_charts
 from reports.case_drawings import DrawnCase, draw_case, moment_name
 from reports.colours import css_variables
-from reports.contents import CaseContents, Mode, ReportContents
+from reports.contents import CaseContents, Mode, ReportContents, TrialScores
 from reports.importance_drawings import draw_importances, draw_slice
 from reports.packing import pack_trials
 from reports.sentences import (
@@ -27,15 +29,67 @@ MAX_SLICES = 4  # parameters plotted one by one
 MAX_BYTES = 4_500_000  # bytes of all cases of a page; keeps the page under 5 MB
 
 
-def write_page(
-    report: ReportContents, path: Path, *, drawn: Mapping[str, DrawnCase] | None = None
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DrawnPage:
+    """What a page shows beside its sentences: drawings and packed data, empty where there are none.
+
+    It holds as many cases as there is room for; the page only counts the others.
+    """
+
+    cases: dict[str, DrawnCase]  #: by id
+    trials: Markup  #: the table of all trials, packed
+    scores: Markup
+    progress: Markup  #: failures found so far
+    situations: Markup  #: seen so far
+    importances: Markup  #: of parameters
+    slices: tuple[tuple[str, Markup], ...]  #: name of a parameter, and scores over it
+    coverage: Markup  #: where trials came closest to trouble
+
+    def costmaps(self) -> dict[str, str]:
+        """Map the data address of each different costmap picture to its id in the page."""
+        shown = [run for one in self.cases.values() for run in (one.main, one.minimised) if run]
+        uris = [run.costmap.uri for one in shown for run in one.runs() if run.costmap is not None]
+        return {uri: f"costmap-{i}" for i, uri in enumerate(dict.fromkeys(uris))}
+
+
+def draw_page(report: ReportContents, *, most_bytes: int = MAX_BYTES) -> DrawnPage:
+    """Draw what a page shows.
+
+    Args:
+        report: what it says.
+        most_bytes: size of all cases and the table of trials together.
+    """
+    table = pack_trials(report.table) if report.table is not None else ""
+    return DrawnPage(
+        cases=_draw_cases(_by_urgency(report), most_bytes - len(table)),
+        trials=Markup(table),
+        slices=_draw_slices(report),
+        importances=draw_importances(report.importances) if report.importances else Markup(),
+        **_draw_search(report.trials, report.floor),
+    )
+
+
+def _draw_search(trials: TrialScores | None, floor: World | None) -> dict[str, Markup]:
+    """Draw how a search went, by the names of :class:`DrawnPage`."""
+    if trials is None or not trials.numbers:
+        return dict.fromkeys(("scores", "progress", "situations", "coverage"), Markup())
+    has_progress = any(trials.failed) and len(trials.numbers) > 1
+    has_situations = len(trials.situations) > 1
+    return {
+        "scores": time_charts.draw_scores(trials),
+        "progress": time_charts.draw_progress(trials) if has_progress else Markup(),
+        "situations": time_charts.draw_situations(trials) if has_situations else Markup(),
+        "coverage": floor_drawings.draw_coverage(floor, trials) if floor else Markup(),
+    }
+
+
+def write_page(report: ReportContents, path: Path, *, drawn: DrawnPage | None = None) -> None:
     """Write the page.
 
     Args:
         report: what it says.
         path: the HTML file.
-        drawn: see :func:`render_page`.
+        drawn: what it shows; drawn here if None.
 
     Raises:
         PlaceError: the file cannot be written.
@@ -43,49 +97,23 @@ def write_page(
     write_atomically(path, render_page(report, drawn=drawn).encode())
 
 
-def draw_cases(report: ReportContents, *, most_bytes: int = MAX_BYTES) -> dict[str, DrawnCase]:
-    """Draw as many cases as the page has room for, by id.
-
-    Args:
-        report: what the page says.
-        most_bytes: size of all cases and the table of trials together.
-    """
-    table = pack_trials(report.table) if report.table is not None else ""
-    return _draw_cases(_by_urgency(report), most_bytes - len(table))
-
-
-def render_page(report: ReportContents, *, drawn: Mapping[str, DrawnCase] | None = None) -> str:
+def render_page(report: ReportContents, *, drawn: DrawnPage | None = None) -> str:
     """Render the page as HTML text.
 
     Args:
         report: what it says.
-        drawn: the cases that it shows, as of :func:`draw_cases`; it only counts the others. None:
-            those that there is room for.
+        drawn: what it shows; drawn here if None.
     """
-    table = pack_trials(report.table) if report.table is not None else ""
-    drawn = draw_cases(report) if drawn is None else drawn
-    trials, floor = report.trials, report.floor
+    drawn = draw_page(report) if drawn is None else drawn
     return template("page.html").render(
         report=report,
+        page=drawn,
+        drawn=drawn.cases,
+        costmaps=drawn.costmaps(),
+        undrawn=_undrawn,
         style=own_text("report.css"),
         colours=Markup(css_variables()),
-        trial_data=Markup(table),
-        script=_script(has_table=bool(table), has_replay=bool(drawn)),
-        undrawn=_undrawn,
-        scores=time_charts.draw_scores(trials) if trials and trials.numbers else "",
-        progress=time_charts.draw_progress(trials)
-        if trials and any(trials.failed) and len(trials.numbers) > 1
-        else "",
-        situations=time_charts.draw_situations(trials)
-        if trials and len(trials.situations) > 1
-        else "",
-        importances=draw_importances(report.importances) if report.importances else "",
-        slices=_draw_slices(report),
-        coverage=floor_drawings.draw_coverage(floor, trials)
-        if floor and trials and trials.numbers
-        else "",
-        drawn=drawn,
-        costmaps=_name_costmaps(drawn.values()),
+        script=_script(has_table=bool(drawn.trials), has_replay=bool(drawn.cases)),
     )
 
 
@@ -121,12 +149,12 @@ def _script(*, has_table: bool, has_replay: bool) -> Markup:
     return Markup("\n").join(own_text(name) for name in names)
 
 
-def _draw_slices(report: ReportContents) -> list[tuple[str, Markup]]:
+def _draw_slices(report: ReportContents) -> tuple[tuple[str, Markup], ...]:
     """Draw slices of the most important parameters, each with its name."""
     if report.trials is None:
-        return []
+        return ()
     drawn = [(one.name, draw_slice(one, report.trials)) for one in report.importances[:MAX_SLICES]]
-    return [(name, plot) for name, plot in drawn if plot is not None]
+    return tuple((name, plot) for name, plot in drawn if plot is not None)
 
 
 def _undrawn(modes: Iterable[Mode], drawn: Mapping[str, DrawnCase]) -> list[Mode]:
@@ -153,11 +181,3 @@ def _draw_cases(cases: Iterable[CaseContents], most_bytes: int) -> dict[str, Dra
             break
         drawn[case.id] = found
     return drawn
-
-
-def _name_costmaps(drawn: Iterable[DrawnCase]) -> dict[str, str]:
-    """Map the data address of each different costmap picture to its id in the page."""
-    shown = [run for case in drawn for run in (case.main, case.minimised) if run is not None]
-    runs = [run for one in shown for run in one.runs()]
-    uris = [run.costmap.uri for run in runs if run.costmap is not None]
-    return {uri: f"costmap-{i}" for i, uri in enumerate(dict.fromkeys(uris))}

@@ -14,8 +14,7 @@ from mrta_falsify.core.world import World
 from mrta_falsify.specs.attribution import guess
 from mrta_falsify.specs.books import confirmed
 from mrta_falsify.specs.causes import by_cause, cause_begins, leading
-from reports.contents import CaseContents, EmbeddedImage, ReportContents, Table
-from reports.run_view import RunView
+from reports.contents import CaseContents, EmbeddedImage, ReportContents, RunView, Table
 from reports.sentences import beside_sentences, guess_text
 
 MAX_EVENTS = 2000  # rows of the event table; an eight-hour shift has nine times as many

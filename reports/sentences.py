@@ -10,6 +10,7 @@ from typing import Any
 
 from mrta_falsify.core import codec
 from mrta_falsify.core.claims import Claim, leading_claim
+from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.trace import Trace
 from mrta_falsify.core.verdict import Verdict
@@ -24,7 +25,6 @@ from mrta_falsify.core.words import listed
 from mrta_falsify.specs.attribution import Guess
 from mrta_falsify.specs.causes import DEADLOCK, cause_begins, follows_from
 from mrta_falsify.specs.holds import main_kinds
-from reports.stack_sentences import repeated_sentence, stack_failure_sentence
 
 APART = 2.0  # m from their mean; members farther apart have no place in common
 AT_PLACE = 0.5  # m; nearer than this, something happened at a place
@@ -367,3 +367,64 @@ def blocked_text(who: str, until: float, spent: Mapping[str, float]) -> str:
     stood = f"had stood for {listed(times)}" if times else "had not been blocked"
     stood += " (times may overlap)" if len(ordered) > 1 else ""
     return f"until {until:.1f} s, {who} {stood}"
+
+
+# --- what a stack did wrong beside driving badly --------------------------------------------
+
+#: what a layer, or the stack, did, by the kind of its failure
+DID = {
+    "crash": "crashed",
+    "hang": "hung",
+    "memory": "took too much memory",
+    "answer": "answered nonsense",
+}
+#: where answers that differ usually come from
+NOISE = (
+    "Usual sources: threads, clocks, random numbers without a seed, the order of sets (hash seeds)."
+)
+_OTHERWISE = "the same run again may go otherwise"
+#: what each coupling of a stack to simulated time means
+COUPLED: dict[Coupling, str] = {
+    "stepped": "stepped: it answered when all of a tick's work was done",
+    "awaited": f"awaited: it waited for its parts, up to a limit; {_OTHERWISE}",
+    "paced": f"paced: its parts ran by the clock on the wall; {_OTHERWISE}",
+}
+
+
+def coupling_facts(coupling: Coupling | None) -> tuple[tuple[str, str], ...]:
+    """Say how tightly a stack in a process of its own was coupled; nothing of the shipped one."""
+    return (("coupling", COUPLED[coupling]),) if coupling is not None else ()
+
+
+def stack_failure_sentence(verdict: Verdict) -> str:
+    """Say how the stack failed to answer a tick, and where in its code.
+
+    Args:
+        verdict: violated, of ``stack_runs``.
+    """
+    evidence = verdict.evidence
+    who = str(evidence.get("layer") or "stack").replace("_", " ")
+    what = DID.get(str(evidence.get("kind")), "failed")
+    exception, message = evidence.get("exception", ""), evidence.get("message", "")
+    is_named = evidence.get("kind") == "crash" and exception and exception not in message
+    why = f"{exception}: {message}" if is_named and message else message or exception
+    frames = evidence.get("frames") or []
+    where = f" ({frames[-1]})" if frames else ""
+    when = f" at {verdict.violated_at:.2f} s" if verdict.violated_at is not None else ""
+    return f"The {who} {what}{when}{f': {why}' if why else ''}{where}."
+
+
+def repeated_sentence(verdict: Verdict) -> str:
+    """Say which answer differed when the stack was asked again.
+
+    Args:
+        verdict: violated, of ``repeatable``.
+    """
+    evidence = verdict.evidence
+    of = f" of {evidence['robot']}" if evidence.get("robot") else ""
+    when = f" at {verdict.violated_at:.2f} s" if verdict.violated_at is not None else ""
+    tick = f" (tick {evidence['tick']})" if "tick" in evidence else ""
+    return (
+        f"Asked the same again{when}{tick}, the stack answered otherwise: {evidence['field']}{of} "
+        f"was {evidence['first']} and then {evidence['again']}. {NOISE}"
+    )

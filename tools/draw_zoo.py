@@ -22,9 +22,9 @@ from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.world import World
 from mrta_falsify.verbs.zoo import SceneCheck, run_zoo
 from reports.colours import robot_colour
+from reports.contact_sheet import draw_small_map
 from reports.floor_scene import extent_of
 from reports.paper import Paper
-from reports.sheet_panel import draw_small_map
 from scenic_worlds.zoo import Scene, load_scene, scene_names
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -24,9 +24,7 @@ from mrta_falsify.core.world import World
 from reports.colours import INK, UNSAFE, person_colour, robot_colour
 from reports.floor_drawings import place_of
 from reports.floor_plot import draw_floor, draw_label
-from reports.floor_scene import extent_of
-from reports.furnishing import fixed_outlines, movable_outlines
-from reports.moving_scene import robot_outline
+from reports.floor_scene import extent_of, fixed_outlines, movable_outlines, robot_outline
 
 DPI = 100
 COLOURS = 128  # of the palette: keeps the files small

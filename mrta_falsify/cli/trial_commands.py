@@ -137,8 +137,7 @@ def show_command(directory: Path, id: str, style: str) -> int:
         layer_of,
         what_happened,
     )
-    from reports.sentences import beside_sentences
-    from reports.stack_sentences import coupling_facts
+    from reports.sentences import beside_sentences, coupling_facts
 
     campaign = read_trial(directory, id)
     record = campaign.record(id)

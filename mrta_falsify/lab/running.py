@@ -313,8 +313,8 @@ def _draw(picture: str, world: World, judged: Judged) -> str:
     """Draw a run that fails, where a picture is asked for."""
     if not picture or not judged.failed:
         return ""
+    from reports.contents import RunView  # noqa: PLC0415
     from reports.run_picture import write_picture  # noqa: PLC0415 - matplotlib loads slowly
-    from reports.run_view import RunView  # noqa: PLC0415
 
     view = RunView(world=world, trace=judged.outcome.trace, verdicts=judged.verdicts)
     write_picture(view, Path(picture))

@@ -35,8 +35,8 @@ from mrta_falsify.verbs.stored_trials import (
     what_happened,
 )
 from mrta_falsify.verbs.trust import Trust, map_of, open_to_run, permit
+from reports.contents import RunView
 from reports.issue_text import IssueContents, render_issue
-from reports.run_view import RunView
 from scenic_worlds.writing import write_program
 from simulator_interface.formats.nav2_goals import write_goals
 

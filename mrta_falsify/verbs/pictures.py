@@ -9,7 +9,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.lab import stack_of
 from mrta_falsify.lab.stored import kept_trace, kept_world
 from mrta_falsify.verbs.trust import map_of
-from reports.run_view import RunView
+from reports.contents import RunView
 
 
 def trial_view(campaign: Campaign, record: TrialRecord) -> RunView:

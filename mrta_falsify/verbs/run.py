@@ -33,9 +33,8 @@ from mrta_falsify.trial import Job, run_job
 from mrta_falsify.verbs.folders import Place, make_directory
 from mrta_falsify.verbs.stacks import Stack, costmap_of, load_stack
 from mrta_falsify.verbs.worlds import FoundWorld, find_world_and_scene
-from reports.run_view import RunView
-from reports.sentences import violation_sentence
-from reports.stack_sentences import coupling_facts
+from reports.contents import RunView
+from reports.sentences import coupling_facts, violation_sentence
 from simulator_interface import starts
 from simulator_interface.guard import guarded
 

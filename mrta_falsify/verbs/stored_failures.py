@@ -31,8 +31,9 @@ from mrta_falsify.verbs.report import (
     markdown_report,
     write_report,
 )
-from mrta_falsify.verbs.report.cases import in_turn
-from mrta_falsify.verbs.report.neighbours import keep_neighbours
+from mrta_falsify.verbs.report.build import CasePages
+from mrta_falsify.verbs.report.parameters import nearest_passing
+from mrta_falsify.verbs.report.reading import in_turn
 from mrta_falsify.verbs.run import write_run
 from mrta_falsify.verbs.stacks import Stack, load_stack
 from mrta_falsify.verbs.stored_trials import open_campaign
@@ -217,7 +218,6 @@ def write_reports(
     run: bool = False,
     trust: Trust = False,
     refresh: int = 0,
-    watched_since: float = math.inf,
 ) -> tuple[Path, ...]:
     """Write the failure report of a campaign: one HTML file that opens from disk.
 
@@ -234,7 +234,6 @@ def write_reports(
         trust: with ``beside`` or ``run``, run what is not ours, though somebody else has made the
             campaign.
         refresh: after how many seconds an open page loads itself again; 0: never.
-        watched_since: as of :func:`.report.build.write_report`.
 
     Returns:
         The files written, the page first.
@@ -243,26 +242,48 @@ def write_reports(
         InputError: not a campaign, or a trial that runs differently now.
         PlaceError: a file cannot be written.
     """
+    return _write_reports(
+        directory,
+        output,
+        CasePages(),
+        refresh=refresh,
+        junit=junit,
+        markdown=markdown,
+        against=against,
+        cases=cases,
+        beside=beside,
+        run=run,
+        trust=trust,
+    )
+
+
+def _write_reports(
+    directory: Place,
+    output: Place | None,
+    pages: CasePages,
+    *,
+    refresh: int,
+    junit: Place | None = None,
+    markdown: Place | None = None,
+    against: Place | None = None,
+    cases: int = MAX_CASES,
+    beside: bool = False,
+    run: bool = False,
+    trust: Trust = False,
+) -> tuple[Path, ...]:
     campaign = open_to_run(directory, trust) if run or beside else open_campaign(directory)
     other = open_campaign(against) if against is not None else None
     page = Path(output) if output is not None else Path(directory) / "report.html"
     places = [Path(place) for place in (page, junit, markdown) if place is not None]
     for place in places:
         make_directory(place.parent)
+    modes = campaign.stats().modes if run or beside else ()
     if run:
-        for record in itertools.islice(in_turn(campaign), cases):
+        for record in itertools.islice(in_turn(campaign.records, modes), cases):
             keep_run(campaign, record, trust)
     if beside:
-        firsts = [campaign.record(mode.ids[0]) for mode in campaign.stats().modes]
-        keep_neighbours(campaign, firsts, trust)
-    write_report(
-        campaign,
-        page,
-        against=other,
-        cases=cases,
-        refresh=refresh,
-        watched_since=watched_since,
-    )
+        keep_neighbours(campaign, [campaign.record(mode.ids[0]) for mode in modes], trust)
+    write_report(campaign, page, against=other, cases=cases, refresh=refresh, pages=pages)
     if junit is not None:
         write_atomically(Path(junit), junit_report(campaign).encode())
     if markdown is not None:
@@ -270,12 +291,28 @@ def write_reports(
     return tuple(places)
 
 
+def keep_neighbours(
+    campaign: Campaign, failures: Sequence[TrialRecord], trust: Trust = False
+) -> None:
+    """Run the passing trials nearest to failures again, and keep them for the report.
+
+    Raises:
+        InputError: as of :func:`~mrta_falsify.verbs.made_again.keep_run`.
+    """
+    settings, records = campaign.settings, campaign.records
+    found = (nearest_passing(settings, records, record) for record in failures)
+    for near in {record.number: record for record in found if record is not None}.values():
+        keep_run(campaign, near, trust)
+
+
 def watch_reports(
     directory: Place, output: Place | None = None, *, seconds: float, **options: Any
 ) -> Iterator[tuple[Path, ...]]:
     """Write the report of a running campaign again whenever it has grown, until it has ended.
 
-    A page that is open in a browser loads itself again; the last page does not.
+    A page that is open in a browser loads itself again; the last page does not. Pages of cases
+    that the watch has written stay, unless files of their trials have changed; at the end all are
+    written.
 
     Args:
         directory: of the campaign.
@@ -289,14 +326,14 @@ def watch_reports(
     Raises:
         InputError: as of :func:`write_reports`.
     """
-    seen, began = -1, time.time_ns()
+    seen, pages = -1, CasePages()
     while True:
         runs = bool(owner_of(Path(directory)))
         size = log_size(Path(directory))
         if size != seen or not runs:
             refresh = math.ceil(seconds) if runs else 0
-            since = began if runs else math.inf  # at the end all are written
-            yield write_reports(directory, output, refresh=refresh, watched_since=since, **options)
+            known = pages if runs else CasePages()
+            yield _write_reports(directory, output, known, refresh=refresh, **options)
             seen = size
         if not runs:
             return

@@ -30,7 +30,7 @@ ONLY_OPTIONS = {
 ONLY_PARAMETERS = {
     "run": {"keep_trace"},
     "check": {"scenario"},
-    "report": {"refresh", "watched_since"},
+    "report": {"refresh"},
 }
 #: for a shell, or for someone who looks on: Python has no use for them
 OF_THE_SHELL = {"completion"}

@@ -7,7 +7,7 @@ from PIL import Image
 
 from mrta_falsify.core.errors import ConfigError
 from reports import animation
-from reports.run_view import RunView
+from reports.contents import RunView
 
 
 def test_a_gif_shows_the_run_ten_times_faster(hall, hall_trace, tmp_path):

@@ -7,8 +7,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from mrta_falsify.core.inevitability import Inevitability
-from reports.chance_curves import draw_chances
-from reports.timelines import NAMES, ROWS_WIDTH
+from reports.timelines import NAMES, ROWS_WIDTH, draw_chances
 from tests.reports.decided import DECIDED, NAME
 
 END = 50.0  # s

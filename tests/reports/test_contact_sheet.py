@@ -22,8 +22,7 @@ from mrta_falsify.core.world import (
 from mrta_falsify.testing.wards import ward_layout
 from reports import contact_sheet, schedule_plot
 from reports.colours import PAINTS, robot_colour
-from reports.floor_scene import Extent, Role
-from reports.moving_scene import start_of
+from reports.floor_scene import Extent, Role, start_of
 
 
 def world_with_bed_at(x: float, **changes) -> World:

@@ -10,11 +10,10 @@ from PIL import Image
 
 from reports import animation, run_picture
 from reports.colours import PAINTS
+from reports.contents import RunView
 from reports.floor_drawings import draw_moment
-from reports.floor_scene import Role
-from reports.furnishing import furniture_poses, movable_outlines
+from reports.floor_scene import Role, furniture_poses, movable_outlines
 from reports.packing import pack
-from reports.run_view import RunView
 from tests.reports.test_packing import unpack
 
 

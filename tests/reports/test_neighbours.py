@@ -17,10 +17,16 @@ from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.testing.records import changed
 from mrta_falsify.verbs import made_again
-from mrta_falsify.verbs.report import neighbours
-from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
-from mrta_falsify.verbs.report.summary import summary_sentences
-from mrta_falsify.verbs.report.trial_table import trial_table
+from mrta_falsify.verbs.report.overview import summary_sentences
+from mrta_falsify.verbs.report.parameters import (
+    nearest_passing,
+    neighbour_of,
+    parameter_importances,
+    rank_dimensions,
+    trial_table,
+)
+from mrta_falsify.verbs.report.reading import view_of
+from mrta_falsify.verbs.stored_failures import keep_neighbours
 from tests.reports.planted import stalled_campaign
 
 SPACE = SearchSpace(
@@ -64,15 +70,17 @@ def campaign(stored_failure):
 
 
 def test_the_nearest_passing_trial_is_found_and_what_differs_is_told(campaign):
-    found = neighbours.neighbour_of(campaign, campaign.records[0])
+    settings, record = campaign.settings, campaign.records[0]
+    near = nearest_passing(settings, campaign.records, record)
+    found = neighbour_of(settings, record, near, "report --beside")
     assert found.id == "0003"
     assert found.differences == (("bed.x", "5", "4.5"),)
-    assert found.command.endswith("--beside")
+    assert found.command == "report --beside"
 
 
 def test_without_a_passing_trial_there_is_no_neighbour(campaign):
-    alone = dataclasses.replace(campaign, records=campaign.records[:1])
-    assert neighbours.neighbour_of(alone, alone.records[0]) is None
+    alone = campaign.records[:1]
+    assert nearest_passing(campaign.settings, alone, alone[0]) is None
 
 
 def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(
@@ -87,7 +95,7 @@ def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(
     with pytest.raises(InputError, match="runs differently now"):
         made_again.keep_run(elsewhere, other)
     assert not elsewhere.folder(near).exists()
-    neighbours.keep_neighbours(elsewhere, [elsewhere.records[0]])
+    keep_neighbours(elsewhere, [elsewhere.records[0]])
     assert read_trace(elsewhere.folder(near) / "trace.zip").digest == near.trace_digest
 
 
@@ -101,23 +109,23 @@ def test_parameters_are_ranked_by_trials_that_were_drawn_evenly(campaign):
         candidate = dataclasses.replace(record.candidate, number=number, u=u)
         records.append(changed(record, candidate=candidate, values=(10.0 * u[0], None)))
     many = dataclasses.replace(campaign, records=tuple(records))
-    ranking = rank_dimensions(many, records)
+    ranking = rank_dimensions(many.settings, records)
     assert ranking.is_even
     assert ranking.mattering == (0,)
-    first, second = parameter_importances(many, records, ranking)
+    first, second = parameter_importances(many.settings, records, ranking)
     assert (first.name, second.name) == ("bed.x", "people")
     assert first.parts[-1].high == pytest.approx(max(r.origin.values[0] for r in records))
-    table = trial_table(many, many.stats().modes, [1, 0])
+    table = trial_table(many.settings, records, many.stats().modes, [1, 0])
     assert table.parameters == ("people", "bed.x")
     assert table.rows[0].values == (None, records[0].origin.values[0])
     failed = [record.id for record in records if record.failed]
     layers = dict.fromkeys(failed, "queue_policy")
-    told = " ".join(summary_sentences(many, many.stats(), ranking.mattering, layers))
+    told = " ".join(summary_sentences(view_of(many, layers)))
     assert f"Suspected part of the stack, by trials: the queue policy ({len(failed)})." in told
     assert "ended in a deadlock" in told
     assert "Failing goes with bed.x." in told
     searched = dataclasses.replace(many.settings, sampler=Choice("auto"))
-    ranking = rank_dimensions(dataclasses.replace(many, settings=searched), records)
+    ranking = rank_dimensions(searched, records)
     assert not ranking.is_even
     assert ranking.mattering == ()  # nothing is claimed of trials that depend on each other
 

@@ -10,10 +10,10 @@ import pytest
 from mrta_falsify.core.fleet import StackEvent
 from mrta_falsify.core.verdict import Verdict
 from reports import run_report
+from reports.contents import RunView
 from reports.page import render_page
 from reports.run_picture import write_picture
 from reports.run_report import event_table, report_of_run, run_headline, task_table
-from reports.run_view import RunView
 from tests import browser
 from tests.reports.newcomer import lines_of
 

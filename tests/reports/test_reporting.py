@@ -6,6 +6,7 @@ import dataclasses
 import json
 import os
 import re
+import shutil
 from html.parser import HTMLParser
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -25,7 +26,7 @@ from mrta_falsify.trial import Job, on_kinematic_engine
 from mrta_falsify.verbs import report as reporting
 from mrta_falsify.verbs.report import build
 from mrta_falsify.verbs.stored_trials import open_campaign
-from reports.page import draw_cases, render_page
+from reports.page import draw_page, render_page
 from tests import browser
 from tests.reports.newcomer import lines_of
 from tests.reports.planted import stored
@@ -318,12 +319,32 @@ def test_cases_behind_the_first_ones_are_pages_beside_the_page(campaign, tmp_pat
         assert text.count("<article ") == 1
         assert 'href="../a%20page.html"' in text
         assert not re.findall(r'(?:href|src)="https?:', text)
+
+
+def test_a_watch_writes_a_case_again_only_if_files_of_its_trial_have_changed(
+    campaign, tmp_path, monkeypatch
+):
+    own = dataclasses.replace(campaign, directory=tmp_path / "c")
+    shutil.copytree(campaign.directory, own.directory)
+    monkeypatch.setattr(build, "PAGE_CASES", 0)
+    page, pages = tmp_path / "page.html", build.CasePages()
+    reporting.write_report(own, page, pages=pages)
+    case = tmp_path / "page.cases" / "trial-0000.html"
+    text = case.read_text()
+    assert text.count("<article ") == 1
+
     case.write_text("as before")
-    watch = {"cases": 3, "refresh": 5, "watched_since": 0}
-    reporting.write_report(many, page, **watch)  # it is newer than its trial
+    reporting.write_report(own, page, pages=pages)
     assert case.read_text() == "as before"
-    os.utime(case, (1, 1))
-    reporting.write_report(many, page, **watch)
+    reporting.write_report(own, page)  # without a watch
+    assert case.read_text() == text
+
+    case.write_text("as before")
+    os.utime(own.directory / "trials" / "0000" / "world.json", (1, 1))
+    reporting.write_report(own, page, pages=pages)
+    assert case.read_text() == text
+    case.unlink()
+    reporting.write_report(own, page, pages=pages)
     assert case.read_text() == text
 
 
@@ -386,10 +407,10 @@ def test_cases_for_which_there_is_no_room_are_only_counted(campaign, tmp_path):
     assert whole.count("<article ") == 4
     room = [len(whole) // part for part in (1, 2, 4, 8, 16)]
     shown = [
-        render_page(found, drawn=draw_cases(found, most_bytes=most)).count("<article ")
+        render_page(found, drawn=draw_page(found, most_bytes=most)).count("<article ")
         for most in room
     ]
     assert shown == sorted(shown, reverse=True)
     assert any(1 < count < 4 for count in shown)
-    least = " ".join(lines_of(render_page(found, drawn=draw_cases(found, most_bytes=1))))
+    least = " ".join(lines_of(render_page(found, drawn=draw_page(found, most_bytes=1))))
     assert "Without a replay here: 0001, 0002, 0003." in least

@@ -13,10 +13,10 @@ from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import Blockage
-from reports import run_picture, run_plot
+from reports import run_picture
 from reports.colours import costmap_image, robot_colour
-from reports.run_plot import runs_of
-from reports.run_view import RunView
+from reports.contents import RunView
+from reports.run_picture import runs_of
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_the_picture_names_rooms_robots_and_verdicts(view):
 
 def test_stops_that_have_no_room_above_a_place_are_counted(view, monkeypatch):
     assert "+1" not in _texts(run_picture.draw_run(view))
-    monkeypatch.setattr(run_plot, "MAX_STOPS", 0)
+    monkeypatch.setattr(run_picture, "MAX_STOPS", 0)
     assert "+1" in _texts(run_picture.draw_run(view))
 
 

@@ -7,6 +7,7 @@ import pytest
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.wait_account import PresentObject, WaitsFor, wait_account
 from reports.sentences import (
+    NOISE,
     account_sentences,
     beside_sentences,
     blocked_text,
@@ -15,7 +16,6 @@ from reports.sentences import (
     wait_sentence,
     who_text,
 )
-from reports.stack_sentences import NOISE
 
 BED = {"name": "bed2", "kind": "furniture", "carried_by": "porter1"}
 

@@ -24,7 +24,7 @@ from mrta_falsify.core.world import Blockage, World
 from mrta_falsify.testing.watching import path_at, tick_of, watch
 from reports.colours import INK, robot_colour
 from reports.floor_plot import draw_floor
-from reports.moving_scene import robot_outline
+from reports.floor_scene import robot_outline
 from tests.scenes.moments import SCENES, Moment, Scene
 
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures" / "scenes"

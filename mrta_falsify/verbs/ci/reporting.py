@@ -11,7 +11,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.verbs.ci.ledger import Change, ChangeKind
 from mrta_falsify.verbs.ci.project import Project
 from mrta_falsify.verbs.ci.running import ORDER, CellOutcome, CiResult
-from mrta_falsify.verbs.report.cases import case_of
+from mrta_falsify.verbs.report.build import case_of
 from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.contents import CaseContents, Mode, ReportContents, Table
 from reports.junit import Complaint, TrialResult, render_junit

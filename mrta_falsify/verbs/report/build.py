@@ -1,51 +1,79 @@
-"""The report of a campaign directory; reads what is stored and runs nothing."""
+"""The report of a campaign: read what is stored, tell it as contents, write it in a form.
+
+Nothing is run.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import math
-import shlex
-from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+import functools
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from urllib.parse import quote
 
-import numpy as np
-import yaml
-
 from mrta_falsify.campaigns.made_here import refuse_links
-from mrta_falsify.campaigns.settings import TrialSettings
-from mrta_falsify.campaigns.stats import CampaignStats, FailureMode
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.campaigns.trial_index import TrialIndex
-from mrta_falsify.core import codec
-from mrta_falsify.core.claims import KIND_TEXT
-from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.durable import make_folder
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.core.world import World, read_world
-from mrta_falsify.specs.causes import kind_of, leading
-from mrta_falsify.verbs.campaign_summary import (
-    comparison_sentence,
-    kinds_text,
-    unjudged_sentences,
+from mrta_falsify.verbs.report import overview
+from mrta_falsify.verbs.report.against import comparison_tables
+from mrta_falsify.verbs.report.cases import commands_of, tell_case
+from mrta_falsify.verbs.report.reading import (
+    CampaignView,
+    any_world,
+    in_turn,
+    read_failure,
+    readable_failures,
+    view_of,
 )
-from mrta_falsify.verbs.report.against import comparison_tables, stack_difference
-from mrta_falsify.verbs.report.cases import case_of, in_turn, readable_cases
-from mrta_falsify.verbs.report.dimensions import parameter_importances, rank_dimensions
-from mrta_falsify.verbs.report.overview import error_kinds, facts_of, notes_of, warnings_of
-from mrta_falsify.verbs.report.summary import summary_parts, summary_sentences
-from mrta_falsify.verbs.report.trial_table import trial_table
-from mrta_falsify.verbs.stored_trials import layer_of, row_of
-from reports.contents import CaseContents, Mode, ReportContents, TrialScores
-from reports.page import draw_cases, write_page
-from reports.sentences import violation_sentence
+from mrta_falsify.verbs.stored_trials import row_of
+from reports.contents import CaseContents, Mode, ReportContents
+from reports.junit import Complaint, TrialResult, render_junit
+from reports.markdown import render_markdown
+from reports.page import draw_page, write_page
 
 MAX_CASES = 20  # shown in full unless asked otherwise
 PAGE_CASES = 100  # on the page itself; further ones are files beside it
 BESIDE = ".cases"  # ends the name of their folder
+
+
+class CasePages:
+    """Pages of cases that stand beside the page of a campaign, for as long as a watch lasts.
+
+    What was written is not written again unless the files of its trial have changed.
+    """
+
+    def __init__(self) -> None:
+        self._written: dict[Path, frozenset[tuple[str, int]]] = {}
+
+    def write(self, page: Path, folder: Path, make: Callable[[], ReportContents]) -> None:
+        """Write the page of a case, unless it stands there.
+
+        Args:
+            page: its place.
+            folder: of its trial.
+            make: what gives its contents.
+
+        Raises:
+            InputError: files of the trial are damaged.
+            PlaceError: the page cannot be written.
+        """
+        made_from = _stamps(folder)
+        if not page.is_file() or self._written.get(page) != made_from:
+            contents = make()
+            make_folder(page.parent)
+            write_page(contents, page)
+            self._written[page] = made_from
+
+
+def _stamps(folder: Path) -> frozenset[tuple[str, int]]:
+    """List the files of a trial with the times of their last changes [ns]; empty: not known."""
+    with contextlib.suppress(OSError):
+        return frozenset((file.name, file.stat().st_mtime_ns) for file in folder.iterdir())
+    return frozenset()
 
 
 def write_report(
@@ -55,7 +83,7 @@ def write_report(
     against: Campaign | None = None,
     cases: int = MAX_CASES,
     refresh: int = 0,
-    watched_since: float = math.inf,
+    pages: CasePages | None = None,
 ) -> Path:
     """Write the HTML report of a campaign.
 
@@ -66,8 +94,7 @@ def write_report(
         cases: failures to show in full at most; those that the page has no room for, and all
             behind the first hundred, are files in a folder beside it, which the page links.
         refresh: after how many seconds an open page loads itself again; 0: never.
-        watched_since: when a watch of the campaign began [ns since the epoch]; pages of cases that
-            it has written stay, unless files of their trials have changed.
+        pages: of a watch, which has written pages of cases before; None: all are written.
 
     Returns:
         ``path``.
@@ -75,14 +102,12 @@ def write_report(
     Raises:
         PlaceError: the file cannot be written.
     """
-    report = build_report(campaign, against=against, cases=min(cases, PAGE_CASES))
-    drawn = draw_cases(report)
-    report = dataclasses.replace(
-        report,
-        refresh=refresh,
-        beside=_write_beside(campaign, path, report, set(drawn), cases, watched_since),
-    )
-    write_page(report, path, drawn=drawn)
+    view = view_of(campaign)
+    turn = tuple(in_turn(view.records, view.stats.modes))
+    report = _report(campaign, view, turn, against, min(cases, PAGE_CASES))
+    drawn = draw_page(report)
+    beside = _write_beside(campaign, path, report, turn, drawn.cases, cases, pages or CasePages())
+    write_page(dataclasses.replace(report, refresh=refresh, beside=beside), path, drawn=drawn)
     return path
 
 
@@ -90,9 +115,10 @@ def _write_beside(
     campaign: Campaign,
     path: Path,
     report: ReportContents,
+    turn: Iterable[TrialRecord],
     drawn: Collection[str],
     cases: int,
-    watched_since: float,
+    pages: CasePages,
 ) -> dict[str, str]:
     """Write the cases that the page has no room for beside it, one page each.
 
@@ -100,10 +126,10 @@ def _write_beside(
         campaign: to report.
         path: of the page.
         report: what the page says.
+        turn: the failures, those to show first first.
         drawn: ids of the cases on it.
         cases: failures to show in full at most, those on the page included.
-        watched_since: pages that were written since then [ns], and after the files of their
-            trials, stay.
+        pages: that were written before.
 
     Returns:
         Paths from the page, by id of the trial.
@@ -115,17 +141,15 @@ def _write_beside(
         refuse_links(campaign.directory, folder)
     beside: dict[str, str] = {}
     lost = 0
-    for record in in_turn(campaign):
+    for record in turn:
         if len(drawn) + len(beside) >= cases or lost > cases:
             break
         if record.id in drawn:
             continue
         page = folder / f"trial-{record.id}.html"
+        make = functools.partial(_case_page, report, campaign, record, path)
         try:
-            if not _is_newer(page, campaign.folder(record), watched_since):
-                case = case_of(campaign, record)
-                make_folder(folder)
-                write_page(_case_page(report, case, path), page)
+            pages.write(page, campaign.folder(record), make)
         except InputError:  # its files are damaged; the page names the first such trials
             lost += 1
             continue
@@ -133,20 +157,11 @@ def _write_beside(
     return beside
 
 
-def _is_newer(page: Path, folder: Path, since: float) -> bool:
-    """Whether a page was written since a moment [ns], and after all files of a trial."""
-    with contextlib.suppress(OSError):
-        written = page.stat().st_mtime_ns
-        return written > since and all(
-            file.stat().st_mtime_ns < written for file in folder.iterdir()
-        )
-    return False
-
-
-def _case_page(report: ReportContents, case: CaseContents, path: Path) -> ReportContents:
+def _case_page(
+    report: ReportContents, campaign: Campaign, record: TrialRecord, path: Path
+) -> ReportContents:
     """Make the page of one case beside that of its campaign."""
-    verdict = leading(case.verdicts)
-    happened = violation_sentence(verdict) if verdict is not None else ""
+    case, happened = case_of(campaign, record), overview.what_happened(record)
     mode = Mode(signature=case.signature, ids=(case.id,), cases=(case,), happened=happened)
     return ReportContents(
         title=f"Trial {case.id} of {report.title}",
@@ -160,6 +175,15 @@ def _case_page(report: ReportContents, case: CaseContents, path: Path) -> Report
     )
 
 
+def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
+    """Read and tell a stored failure as the report shows it.
+
+    Raises:
+        InputError: one of its files is missing or damaged.
+    """
+    return tell_case(campaign.directory, campaign.settings, read_failure(campaign, record))
+
+
 def build_report(
     campaign: Campaign, *, against: Campaign | None = None, cases: int = MAX_CASES
 ) -> ReportContents:
@@ -170,41 +194,29 @@ def build_report(
         against: a campaign with another stack on the same scenario, to compare with.
         cases: failures to show in full at most.
     """
-    settings, stats = campaign.settings, campaign.stats()
-    judged = [record for record in campaign.records if record.status == "ok"]
-    failed = [record for record in judged if record.failed]
-    shown, lost = readable_cases(campaign, cases)
-    floor = _any_world(campaign, judged)
-    versions = next((record.origin.versions for record in judged), {})
-    kinds = stats.modes
-    layers = {record.id: layer_of(campaign, record) for record in failed}
-    found = _modes(kinds, failed, shown, layers)
-    ranking = rank_dimensions(campaign, judged)
-    return ReportContents(
-        title=f"{Path(settings.trials.scenario).stem}, seed {settings.trials.seed}",
-        headline=_headline(stats),
-        summary=summary_sentences(campaign, stats, ranking.mattering, layers),
-        counted_by=shlex.join(["mrta-falsify", "list", str(campaign.directory)]),
-        facts=facts_of(stats),
-        modes=found,
-        trials=_trials(judged, floor),
-        importances=parameter_importances(campaign, judged, ranking),
-        even=ranking.is_even,
-        table=trial_table(campaign, kinds, [one.dimension for one in ranking.found]),
-        errors=error_kinds(campaign),
-        floor=floor,
-        stack=yaml.safe_dump(codec.encode(settings.trials.stack), sort_keys=False),
-        other_stack=_other_stack_text(settings.trials.against),
-        versions=tuple(sorted(versions.items())),
-        notes=(
-            *_compared_notes(settings.trials),
-            *notes_of(campaign, stats),
-            *(f"{s}." for s in unjudged_sentences(stats)),
-            *lost,
-        ),
-        warnings=warnings_of(campaign, judged),
-        tables=comparison_tables(campaign, against) if against is not None else (),
+    view = view_of(campaign)
+    turn = in_turn(view.records, view.stats.modes)
+    return _report(campaign, view, turn, against, cases)
+
+
+def _report(
+    campaign: Campaign,
+    view: CampaignView,
+    turn: Iterable[TrialRecord],
+    against: Campaign | None,
+    cases: int,
+) -> ReportContents:
+    failures, lost = readable_failures(campaign, turn, cases)
+    return overview.tell_campaign(
+        view,
+        [tell_case(view.directory, view.settings, failure) for failure in failures],
+        lost,
+        any_world(campaign, view.judged),
+        comparison_tables(campaign, against) if against is not None else (),
     )
+
+
+# --- what is told without a page -----------------------------------------------------------
 
 
 def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, ...]:
@@ -214,120 +226,53 @@ def short_summary(campaign: Campaign, layers: Mapping[str, str]) -> tuple[str, .
         campaign: to sum up.
         layers: suspected layer by id of a failing trial (:func:`.stored_trials.layer_of`).
     """
-    stats = campaign.stats()
-    judged = [record for record in campaign.records if record.status == "ok"]
-    mattering = rank_dimensions(campaign, judged).mattering
-    told = summary_sentences(campaign, stats, mattering, layers)
-    return (*told, *notes_of(campaign, stats))
+    view = view_of(campaign, layers)
+    return (*overview.summary_sentences(view), *overview.notes_of(view))
 
 
 def index_of(campaign: Campaign) -> TrialIndex:
     """Make the index of a campaign, from which it is listed without its log."""
-    stats = campaign.stats()
-    judged = [record for record in campaign.records if record.status == "ok"]
-    mattering = rank_dimensions(campaign, judged).mattering
-    before, after = summary_parts(campaign, stats, mattering)
+    view = view_of(campaign, {})
+    before, after = overview.summary_parts(view)
     return TrialIndex(
-        rows=tuple(row_of(record, record.layer) for record in campaign.records),
-        ranked=frozenset(record.id for record in judged if record.rank != "none"),
-        summary=(before, (*after, *notes_of(campaign, stats))),
+        rows=tuple(row_of(record, record.layer) for record in view.records),
+        ranked=frozenset(record.id for record in view.judged if record.rank != "none"),
+        summary=(before, (*after, *overview.notes_of(view))),
     )
 
 
-def _compared_notes(settings: TrialSettings) -> tuple[str, ...]:
-    """Say what a campaign compares, and when a failure counts."""
-    if settings.against is None:
-        return ()
-    return (
-        "A failure counts if this stack fails in most copies of its world with small differences, "
-        "and the other one passes in the world and in most of the same copies.",
-        stack_difference(settings.stack, settings.against),
+# --- forms other than HTML -----------------------------------------------------------------
+
+
+def markdown_report(campaign: Campaign, *, against: Campaign | None = None) -> str:
+    """Write the report as Markdown: modes, one case each, commands."""
+    return render_markdown(build_report(campaign, against=against))
+
+
+def junit_report(campaign: Campaign) -> str:
+    """Write the trials as JUnit XML: a failure is a violation, an error one of the toolkit."""
+    judged = [record for record in campaign.records if record.was_run]
+    name = Path(campaign.settings.trials.scenario).stem
+    return render_junit(name, [_test_result(campaign, record) for record in judged])
+
+
+def _test_result(campaign: Campaign, record: TrialRecord) -> TrialResult:
+    failure, error, skipped = None, None, ""
+    happened = overview.what_happened(record)
+    if record.other is not None and record.rank == "none":
+        skipped = str(record.other)
+    elif happened:
+        commands = commands_of(campaign.directory, campaign.folder(record), record)
+        text = "\n".join(command for _, command in commands)
+        failure = Complaint(kind=record.signature, message=happened, text=text)
+    elif record.status in ("crashed", "timeout"):
+        error = Complaint(kind=record.status, message=overview.last_line(record), text=record.error)
+    else:
+        skipped = "; ".join(f"{v.spec}: {v.not_judged}" for v in record.verdicts if v.not_judged)
+    return TrialResult(
+        name=f"trial {record.id}",
+        time=record.wall_s,
+        failure=failure,
+        error=error,
+        skipped=skipped,
     )
-
-
-def _other_stack_text(stack: StackConfig | None) -> str:
-    return yaml.safe_dump(codec.encode(stack), sort_keys=False) if stack is not None else ""
-
-
-def _headline(stats: CampaignStats) -> str:
-    """Give the result of a campaign in one line; what is looked for last is counted apart."""
-    judged = stats.judged
-    if not judged:
-        return "No trial has been judged" if stats.records else "No trial has been run yet"
-    if stats.comparison is not None:
-        return f"{judged} trials: {comparison_sentence(stats.comparison)}"
-    last, shut, sought = stats.afterthoughts, stats.kinds["shut"], stats.sought
-    count = stats.primary_modes
-    kinds = "one mode" if count == 1 else f"{count} modes"
-    verb = "violates" if sought == 1 else "violate"
-    which = " that is looked for first" if last else ""
-    first = f"{sought} of {judged} trials {verb} a specification{which}, in {kinds}"
-    first += f": {kinds_text({**stats.kinds, 'shut': 0})}"
-    if not sought:
-        first = f"None of {judged} trials violates a specification"
-        first += " that is looked for first" if last or shut else ""
-    first += f"; {shut} {KIND_TEXT['shut']}" if shut else ""
-    names = " or ".join(stats.settings.trials.then)
-    return f"{first}; {last} only {names}" if last else first
-
-
-def _modes(
-    kinds: Sequence[FailureMode],
-    failed: Sequence[TrialRecord],
-    shown: Sequence[CaseContents],
-    layers_by_id: Mapping[str, str],
-) -> tuple[Mode, ...]:
-    by_id = {record.id: record for record in failed}
-    cases: dict[str, list[CaseContents]] = {}
-    for case in shown:
-        cases.setdefault(case.signature, []).append(case)
-    found = []
-    for mode in kinds:
-        verdict = leading(by_id[mode.ids[0]].verdicts)
-        layers = Counter(layers_by_id[i] for i in mode.ids)
-        layers.pop("", None)
-        found.append(
-            Mode(
-                signature=mode.signature,
-                ids=tuple(mode.ids),
-                cases=tuple(cases.get(mode.signature, ())),
-                happened=violation_sentence(verdict) if verdict is not None else "",
-                layers=tuple(sorted(layers, key=lambda name: (-layers[name], name))),
-            )
-        )
-    return tuple(found)
-
-
-def _any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | None:
-    for record in judged:
-        path = campaign.folder(record) / "world.json"
-        if path.is_file():
-            with contextlib.suppress(InputError):  # the case says what is wrong with it
-                return read_world(path)
-    return None
-
-
-def _trials(judged: Sequence[TrialRecord], floor: World | None) -> TrialScores:
-    places = np.array(
-        [[r.search.descriptors.get("x", 0.5), r.search.descriptors.get("y", 0.5)] for r in judged]
-    ).reshape(-1, 2)
-    if floor is not None:
-        places = floor.bounds[:2] + places * (floor.bounds[2:] - floor.bounds[:2])
-    return TrialScores(
-        numbers=tuple(record.number for record in judged),
-        scores=tuple(record.score for record in judged),
-        failed=tuple(record.rank != "none" for record in judged),
-        deadlocked=tuple(r.rank != "none" and kind_of(r.verdicts) == "deadlock" for r in judged),
-        situations=_situations_so_far(judged),
-        places=places,
-    )
-
-
-def _situations_so_far(judged: Sequence[TrialRecord]) -> tuple[int, ...]:
-    """Count the different situations that trials have shown, after each; empty: none are stored."""
-    seen: set[str] = set()
-    counts = []
-    for record in judged:
-        seen.update(record.search.situations)
-        counts.append(len(seen))
-    return tuple(counts) if seen else ()
