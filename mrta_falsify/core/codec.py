@@ -291,13 +291,14 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
         return _decode_anything(data, where, path, rule)
     if hint in _SCALARS:
         return _decode_scalar(hint, data, where, path, rule)
-    if dataclasses.is_dataclass(hint):
+    origin = _origin(hint)
+    if origin is _RECORD:
         return _decode_dataclass(typing.cast(type, hint), data, where, path)
-    match typing.get_origin(hint) or hint:
+    match origin:
         case typing.Union | types.UnionType:
             return _decode_union(hint, data, where, path, rule)
         case typing.Literal:
-            return _decode_choice(typing.get_args(hint), data, where, path)
+            return _decode_choice(_args(hint), data, where, path)
         case builtins.tuple:
             return _decode_tuple(hint, data, where, path, rule)
         case builtins.dict:
@@ -309,19 +310,40 @@ def _decode(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> A
     raise TypeError(f"{hint!r} is no type that can be read from a file")
 
 
+_RECORD = "a dataclass"
+
+
+@functools.cache
+def _origin(hint: Any) -> Any:
+    """Tell what a type is made of, once for all values that have it."""
+    return _RECORD if dataclasses.is_dataclass(hint) else typing.get_origin(hint) or hint
+
+
+_args = functools.cache(typing.get_args)  # of a type
+
+
+@functools.cache
+def _alike(hint: Any) -> tuple[Any, ...]:
+    """Give the scalar types of which a value that has one is of a type, if it is plain."""
+    options = _args(hint) if _origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    known = [option for option in options if option is not type(None)]
+    return tuple(known) if len(known) == 1 and known[0] in (float, str, bool) else ()
+
+
 def _decode_anything(data: Any, where: str, path: str, rule: Rule | None) -> Any:
     """Refuse numbers that cannot be computed with, wherever they stand."""
     if isinstance(data, int) and abs(data) > MAX_WHOLE:
         _fail(where, path, f"is {shown(data)}; it must be from -{MAX_WHOLE} to {MAX_WHOLE}")
     if rule is not None and isinstance(data, float) and not math.isfinite(data):
         _fail(where, path, f"is {data}; it must be finite")
+    sound = (str, bool, float) if rule is None else (str,)  # what is as good as it stands
     if isinstance(data, dict):
         for key, item in data.items():
-            if type(item) is not str:
+            if type(item) not in sound:
                 _decode_anything(item, where, _join(path, named(key)), rule)
     elif isinstance(data, (list, tuple)):
         for i, item in enumerate(data):
-            if type(item) is not str:
+            if type(item) not in sound:
                 _decode_anything(item, where, f"{path}[{i}]", rule)
     return data
 
@@ -356,7 +378,7 @@ def _decode_scalar(hint: Any, data: Any, where: str, path: str, rule: Rule | Non
 
 
 def _decode_union(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
-    options = typing.get_args(hint)
+    options = _args(hint)
     if data is None and type(None) in options:
         return None
     options = tuple(option for option in options if option is not type(None))
@@ -419,8 +441,10 @@ def fields_to_read(cls: type) -> dict[str, tuple[Any, Rule | None, bool]]:
 def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if not isinstance(data, (list, tuple)):
         _fail(where, path, f"is {shown(data)}; it must be a list")
-    args = typing.get_args(hint)
+    args = _args(hint)
     if len(args) == 2 and args[1] is Ellipsis:
+        if rule is None and all(type(item) in _alike(args[0]) and _is_plain(item) for item in data):
+            return tuple(data)
         return tuple(
             _decode(args[0], item, where, f"{path}[{i}]", rule) for i, item in enumerate(data)
         )
@@ -435,9 +459,12 @@ def _decode_tuple(hint: Any, data: Any, where: str, path: str, rule: Rule | None
 def _decode_dict(hint: Any, data: Any, where: str, path: str, rule: Rule | None) -> Any:
     if not isinstance(data, dict):
         _fail(where, path, f"is {shown(data)}; it must be an object")
-    _, value_hint = typing.get_args(hint)
+    _, value_hint = _args(hint)
+    plain = _alike(value_hint) if rule is None else ()
     made = {
-        str(key): _decode(value_hint, item, where, _join(path, named(key)), rule)
+        str(key): item
+        if type(item) in plain and _is_plain(item)
+        else _decode(value_hint, item, where, _join(path, named(key)), rule)
         for key, item in data.items()
     }
     if len(made) < len(data):

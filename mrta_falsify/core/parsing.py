@@ -10,6 +10,7 @@ import collections
 import itertools
 import json
 import stat
+import sys
 import warnings
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
@@ -100,7 +101,7 @@ def parse_json(
     """
 
     def object_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        made = dict(pairs)
+        made = {sys.intern(key): value for key, value in pairs}  # records of a log share them
         if len(made) != len(pairs):
             _tell_doubled((key for key, _ in pairs), where, doubled)
             if doubled == "first":

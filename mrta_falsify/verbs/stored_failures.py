@@ -32,7 +32,7 @@ from mrta_falsify.verbs.report import (
     write_report,
 )
 from mrta_falsify.verbs.report.build import CasePages
-from mrta_falsify.verbs.report.parameters import nearest_passing
+from mrta_falsify.verbs.report.parameters import nearest_passing, passing_trials
 from mrta_falsify.verbs.report.reading import in_turn
 from mrta_falsify.verbs.run import write_run
 from mrta_falsify.verbs.stacks import Stack, load_stack
@@ -299,8 +299,9 @@ def keep_neighbours(
     Raises:
         InputError: as of :func:`~mrta_falsify.verbs.made_again.keep_run`.
     """
-    settings, records = campaign.settings, campaign.records
-    found = (nearest_passing(settings, records, record) for record in failures)
+    settings = campaign.settings
+    passing = passing_trials(campaign.records, settings.cube.dimensions)
+    found = (nearest_passing(settings, passing, record) for record in failures)
     for near in {record.number: record for record in found if record is not None}.values():
         keep_run(campaign, near, trust)
 

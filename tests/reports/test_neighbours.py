@@ -22,6 +22,7 @@ from mrta_falsify.verbs.report.parameters import (
     nearest_passing,
     neighbour_of,
     parameter_importances,
+    passing_trials,
     rank_dimensions,
     trial_table,
 )
@@ -71,7 +72,7 @@ def campaign(stored_failure):
 
 def test_the_nearest_passing_trial_is_found_and_what_differs_is_told(campaign):
     settings, record = campaign.settings, campaign.records[0]
-    near = nearest_passing(settings, campaign.records, record)
+    near = nearest_passing(settings, passing_trials(campaign.records, 2), record)
     found = neighbour_of(settings, record, near, "report --beside")
     assert found.id == "0003"
     assert found.differences == (("bed.x", "5", "4.5"),)
@@ -80,7 +81,7 @@ def test_the_nearest_passing_trial_is_found_and_what_differs_is_told(campaign):
 
 def test_without_a_passing_trial_there_is_no_neighbour(campaign):
     alone = campaign.records[:1]
-    assert nearest_passing(campaign.settings, alone, alone[0]) is None
+    assert nearest_passing(campaign.settings, passing_trials(alone, 2), alone[0]) is None
 
 
 def test_the_run_of_a_neighbour_is_kept_if_it_is_the_recorded_one(

@@ -21,6 +21,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.verbs.report import overview
 from mrta_falsify.verbs.report.against import comparison_tables
 from mrta_falsify.verbs.report.cases import commands_of, tell_case
+from mrta_falsify.verbs.report.parameters import PassingTrials, passing_trials
 from mrta_falsify.verbs.report.reading import (
     CampaignView,
     any_world,
@@ -106,7 +107,8 @@ def write_report(
     turn = tuple(in_turn(view.records, view.stats.modes))
     report = _report(campaign, view, turn, against, min(cases, PAGE_CASES))
     drawn = draw_page(report)
-    beside = _write_beside(campaign, path, report, turn, drawn.cases, cases, pages or CasePages())
+    tell = functools.partial(_case_page, report, campaign, view.passing, path)
+    beside = _write_beside(campaign, path, tell, turn, drawn.cases, cases, pages or CasePages())
     write_page(dataclasses.replace(report, refresh=refresh, beside=beside), path, drawn=drawn)
     return path
 
@@ -114,7 +116,7 @@ def write_report(
 def _write_beside(
     campaign: Campaign,
     path: Path,
-    report: ReportContents,
+    tell: Callable[[TrialRecord], ReportContents],
     turn: Iterable[TrialRecord],
     drawn: Collection[str],
     cases: int,
@@ -125,7 +127,7 @@ def _write_beside(
     Args:
         campaign: to report.
         path: of the page.
-        report: what the page says.
+        tell: gives the contents of the page of a case.
         turn: the failures, those to show first first.
         drawn: ids of the cases on it.
         cases: failures to show in full at most, those on the page included.
@@ -147,9 +149,8 @@ def _write_beside(
         if record.id in drawn:
             continue
         page = folder / f"trial-{record.id}.html"
-        make = functools.partial(_case_page, report, campaign, record, path)
         try:
-            pages.write(page, campaign.folder(record), make)
+            pages.write(page, campaign.folder(record), functools.partial(tell, record))
         except InputError:  # its files are damaged; the page names the first such trials
             lost += 1
             continue
@@ -158,10 +159,14 @@ def _write_beside(
 
 
 def _case_page(
-    report: ReportContents, campaign: Campaign, record: TrialRecord, path: Path
+    report: ReportContents,
+    campaign: Campaign,
+    passing: PassingTrials,
+    path: Path,
+    record: TrialRecord,
 ) -> ReportContents:
     """Make the page of one case beside that of its campaign."""
-    case, happened = case_of(campaign, record), overview.what_happened(record)
+    case, happened = case_of(campaign, record, passing), overview.what_happened(record)
     mode = Mode(signature=case.signature, ids=(case.id,), cases=(case,), happened=happened)
     return ReportContents(
         title=f"Trial {case.id} of {report.title}",
@@ -175,13 +180,23 @@ def _case_page(
     )
 
 
-def case_of(campaign: Campaign, record: TrialRecord) -> CaseContents:
+def case_of(
+    campaign: Campaign, record: TrialRecord, passing: PassingTrials | None = None
+) -> CaseContents:
     """Read and tell a stored failure as the report shows it.
+
+    Args:
+        campaign: of the failure.
+        record: of the failure.
+        passing: the campaign's passing trials, if they are known already.
 
     Raises:
         InputError: one of its files is missing or damaged.
     """
-    return tell_case(campaign.directory, campaign.settings, read_failure(campaign, record))
+    settings = campaign.settings
+    if passing is None:
+        passing = passing_trials(campaign.records, settings.cube.dimensions)
+    return tell_case(campaign.directory, settings, read_failure(campaign, record, passing))
 
 
 def build_report(
@@ -206,7 +221,7 @@ def _report(
     against: Campaign | None,
     cases: int,
 ) -> ReportContents:
-    failures, lost = readable_failures(campaign, turn, cases)
+    failures, lost = readable_failures(campaign, turn, view.passing, cases)
     return overview.tell_campaign(
         view,
         [tell_case(view.directory, view.settings, failure) for failure in failures],

@@ -204,23 +204,37 @@ def outcome_of(record: TrialRecord) -> str:
 # --- the nearest passing trial -------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PassingTrials:
+    """The trials of a campaign that pass, and where they lie in the cube of parameters."""
+
+    records: tuple[TrialRecord, ...]
+    points: Array  #: (n, k)
+
+
+def passing_trials(records: Sequence[TrialRecord], dimensions: int) -> PassingTrials:
+    """Collect the passing trials with so many parameters."""
+    found = tuple(
+        record
+        for record in records
+        if record.status == "ok" and not record.failed and len(record.candidate.u) == dimensions
+    )
+    points = np.array([record.candidate.u for record in found]).reshape(-1, dimensions)
+    return PassingTrials(records=found, points=points)
+
+
 def nearest_passing(
-    settings: CampaignSettings, records: Sequence[TrialRecord], record: TrialRecord
+    settings: CampaignSettings, passing: PassingTrials, record: TrialRecord
 ) -> TrialRecord | None:
     """Find the passing trial nearest to a failure in the cube of parameters; None without any.
 
     Continuous coordinates differ by their distance, discrete ones by 1 where their values do.
     """
     u = record.candidate.u
-    passing = [
-        other
-        for other in records
-        if other.status == "ok" and not other.failed and len(other.candidate.u) == len(u)
-    ]
-    if not passing or not len(u):
+    if not len(u) or passing.points.shape[1] != len(u) or not passing.records:
         return None
-    steps = _steps(settings, u, np.array([other.candidate.u for other in passing]))
-    return passing[int(np.argmin((steps**2).sum(axis=1)))]
+    steps = _steps(settings, u, passing.points)
+    return passing.records[int(np.argmin((steps**2).sum(axis=1)))]
 
 
 def neighbour_of(

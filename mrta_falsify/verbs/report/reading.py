@@ -28,7 +28,13 @@ from mrta_falsify.lab.stored import other_stack_of
 from mrta_falsify.specs.causes import by_cause
 from mrta_falsify.verbs.campaign_summary import NoProbability, probability_of
 from mrta_falsify.verbs.certify.sentences import read_certificate
-from mrta_falsify.verbs.report.parameters import Ranking, nearest_passing, rank_dimensions
+from mrta_falsify.verbs.report.parameters import (
+    PassingTrials,
+    Ranking,
+    nearest_passing,
+    passing_trials,
+    rank_dimensions,
+)
 from mrta_falsify.verbs.stored_trials import (
     layer_of,
     of_other_stack,
@@ -53,6 +59,7 @@ class CampaignView:
     stats: CampaignStats
     chance: Probability | NoProbability  #: of a violation
     ranking: Ranking  #: of the search dimensions
+    passing: PassingTrials
     layers: Mapping[str, str]  #: suspected, by id of a failing trial; empty: none
     owner: str  #: who runs the campaign now; empty: nobody
 
@@ -96,6 +103,7 @@ def view_of(campaign: Campaign, layers: Mapping[str, str] | None = None) -> Camp
         stats=stats,
         chance=probability_of(campaign, stats),
         ranking=rank_dimensions(settings, judged),
+        passing=passing_trials(judged, settings.cube.dimensions),
         layers=layers,
         owner=owner_of(campaign.directory),
     )
@@ -122,13 +130,14 @@ def in_turn(records: Sequence[TrialRecord], modes: Sequence[FailureMode]) -> Ite
 
 
 def readable_failures(
-    campaign: Campaign, turn: Iterable[TrialRecord], most: int
+    campaign: Campaign, turn: Iterable[TrialRecord], passing: PassingTrials, most: int
 ) -> tuple[list[StoredFailure], list[str]]:
     """Read the failures to show, and say which have missing or damaged files.
 
     Args:
         campaign: whose failures.
         turn: the failures, those to show first first.
+        passing: its passing trials.
         most: failures to show; fewer where their traces take up much memory.
     """
     found: list[StoredFailure] = []
@@ -139,7 +148,7 @@ def readable_failures(
             break
         held += _held(found[-1]) if found else 0
         try:
-            found.append(read_failure(campaign, record))
+            found.append(read_failure(campaign, record, passing))
         except InputError as error:
             again = shlex.join(["mrta-falsify", "replay", str(campaign.directory), record.id])
             lost.append(
@@ -153,8 +162,13 @@ def readable_failures(
     return found, lost
 
 
-def read_failure(campaign: Campaign, record: TrialRecord) -> StoredFailure:
+def read_failure(campaign: Campaign, record: TrialRecord, passing: PassingTrials) -> StoredFailure:
     """Read the files of a failure.
+
+    Args:
+        campaign: of the failure.
+        record: of the failure.
+        passing: the campaign's passing trials.
 
     Raises:
         InputError: one of them is missing or damaged.
@@ -162,7 +176,7 @@ def read_failure(campaign: Campaign, record: TrialRecord) -> StoredFailure:
     folder, trials = campaign.folder(record), campaign.settings.trials
     config = stack_of(trials, record)
     run = _run(record.id, folder, record.verdicts, config, record.signature)
-    near = nearest_passing(campaign.settings, campaign.records, record)
+    near = nearest_passing(campaign.settings, passing, record)
     minimisation = read_finding(folder, Minimisation)
     smallest, smallest_on_other = None, None
     if minimisation is not None and (folder / "world.min.json").is_file():
