@@ -24,6 +24,7 @@ import dataclasses
 import fcntl
 import hashlib
 import json
+import math
 import os
 import shlex
 import shutil
@@ -163,8 +164,8 @@ class Campaign:
         """
         import pandas as pd  # noqa: PLC0415 - loads slowly
 
-        rows = []
-        for record in self.records:
+        columns: dict[str, list[Any]] = {}
+        for number, record in enumerate(self.records):
             margins = record.result.margins if record.result is not None else {}
             row: dict[str, Any] = {
                 "id": record.id,
@@ -186,8 +187,13 @@ class Campaign:
             row |= {f"what.{name}": value for name, value in record.search.descriptors.items()}
             values = self.values_of(record)
             row |= {f"param {n}" if n in row else n: value for n, value in values.items()}
-            rows.append(row)
-        return pd.DataFrame(rows)
+            for name, value in row.items():
+                column = columns.setdefault(name, [])
+                column.extend([math.nan] * (number - len(column)))  # trials without such a value
+                column.append(value)
+        for column in columns.values():
+            column.extend([math.nan] * (len(self.records) - len(column)))
+        return pd.DataFrame(columns)
 
 
 def _number_of(name: str) -> int:
