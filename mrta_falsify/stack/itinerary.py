@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mrta_falsify.core.allocation_problem import Stop
-from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import FleetState, StackEvent
 from mrta_falsify.core.plane import distance_of, is_near
@@ -20,8 +20,8 @@ from mrta_falsify.stack.dispatcher import Dispatcher
 from mrta_falsify.stack.mission import Mission, StackState
 from mrta_falsify.stack.mission_table import MissionTable, Rows, record_of
 from mrta_falsify.stack.resources.queue import QueueState
-from mrta_falsify.stack.resources.rooms import Grounds, RoomTraffic, is_on_grounds
-from mrta_falsify.stack.route import AT_PATH_END, LOOK_AHEAD, ROOM_REACHED
+from mrta_falsify.stack.resources.rooms import Grounds, Places, RoomTraffic, is_on_grounds
+from mrta_falsify.stack.route import AT_PATH_END, LOOK_AHEAD, ROOM_REACHED, SPOT_REACHED
 
 AT_REST = 0.1  # m/s, slow enough to load and unload
 MEAN_SPEED = 0.69  # m/s, loaded travel times of MRTA-Sim over its road lengths
@@ -36,10 +36,22 @@ STOP_RECORD = record_of(
     ("point", np.float64, (2,)),  # as soon as it rests where it may be served [m], nan: nowhere
     ("end", np.float64, (2,)),  # the same at the end of its path [m]
     ("queue", np.int64),  # as soon as it is where this queue's room is asked for, -1: none
+    ("waits", np.bool_),  # only once its place in the queue is another, or it comes to or leaves it
+    ("arrived", np.bool_),  # it stands at that place: at ``point``, or at ``end``
+    ("room", np.float64, (2,)),  # its queue is told how far it is from there [m]
 )
 NOWHERE = (np.nan, np.nan)
-NOTHING_TO_DO = (False, np.inf, NOWHERE, NOWHERE, -1)
-SOMETHING_TO_DO = (True, np.inf, NOWHERE, NOWHERE, -1)
+NOTHING_TO_DO = (False, np.inf, NOWHERE, NOWHERE, -1, False, False, NOWHERE)
+SOMETHING_TO_DO = (True, *NOTHING_TO_DO[1:])
+
+#: what follows for a robot at one tick
+ASK_RECORD = record_of(
+    ("at_rest", np.bool_),  # slow enough to load and unload
+    ("asks", np.bool_),  # has something to do
+    ("waits", np.bool_),  # goes on waiting unless its place in the queue has changed
+    ("renews", np.bool_),  # tells its queue how far it is from the room
+    ("away", np.float64),  # so far [m]
+)
 
 
 class ItineraryFollower:
@@ -67,21 +79,24 @@ class ItineraryFollower:
             state: memory of the stack.
             fleet: what the robots' sensors say.
         """
-        at_rest, asks = np.empty((2, len(missions)), dtype=np.bool_)
-        _fill_asks(
-            self._table.rows(missions, state.queues),
-            fleet.pose,
-            fleet.velocity,
-            fleet.time,
-            tuple(self._rooms.grounds),
-            (at_rest, asks),
-        )
-        pursued, events = list(missions), []
-        for robot in asks.nonzero()[0].tolist():
+        asks = np.empty(len(missions), dtype=ASK_RECORD)
+        rows = self._table.rows(missions, state.queues)
+        grounds = tuple(self._rooms.grounds)
+        _fill_asks(rows, fleet.pose, fleet.velocity, fleet.time, grounds, asks)
+        pursued, events = list(missions), list[StackEvent]()
+        places: Places = {}
+        for robot in (asks["asks"] | asks["waits"]).nonzero()[0].tolist():
+            mission = missions[robot]
+            at_rest, is_asked, _, renews, away = asks.item(robot)
+            if not is_asked and self._rooms.goes_on_waiting(
+                robot, mission, state.queues, away if renews else None, places
+            ):
+                continue
             pursued[robot], happened = self._pursue(
-                robot, missions[robot], state, fleet, is_at_rest=bool(at_rest[robot])
+                robot, mission, state, fleet, is_at_rest=at_rest
             )
             events += happened
+            places.clear()  # who asks may have changed a queue
         return pursued, events
 
     def first_stop_ends(self, mission: Mission, position: Array, time: float) -> float:
@@ -152,9 +167,12 @@ class ItineraryFollower:
             rests = isinstance(activity, Idle) and not mission.way.is_going
             return NOTHING_TO_DO if rests or isinstance(activity, Parking) else SOMETHING_TO_DO
         if isinstance(activity, Serving):
-            return False, activity.until, NOWHERE, NOWHERE, -1
+            return NOTHING_TO_DO[0], activity.until, *NOTHING_TO_DO[2:]
         queue = self._rooms.queue_of_room.get(mission.itinerary[0].room, -1)
         memory = memories[queue] if queue >= 0 else None
+        if isinstance(activity, Waiting) and activity.place is not None:
+            is_in_line = activity.queue == queue and _is_waiter(robot, memories[queue])
+            return self._wait_of(mission, activity) if is_in_line else SOMETHING_TO_DO
         if isinstance(activity, Heading) and (memory is None or robot in memory.holders):
             queue = -1
         elif activity != Waiting(queue, None, arrived=False) or _is_known(robot, memory):
@@ -163,7 +181,23 @@ class ItineraryFollower:
         end = NOWHERE
         if len(path) and len(mission.way.route) <= 1:
             end = tuple(path[-1].tolist())
-        return mission.passage.asks_for_room, np.inf, tuple(point.tolist()), end, queue
+        now = mission.passage.asks_for_room
+        return now, np.inf, tuple(point.tolist()), end, queue, *NOTHING_TO_DO[5:]
+
+    def _wait_of(self, mission: Mission, waiting: Waiting) -> tuple[object, ...]:
+        """Describe a robot that waits at its place in a queue, or drives there."""
+        way, point, end = mission.way, NOWHERE, NOWHERE
+        if mission.passage.asks_for_room:
+            return SOMETHING_TO_DO
+        if way.is_going and len(self._rooms.queues[waiting.queue].spots):
+            place = way.route[-1]
+            point = tuple(place.tolist())
+            leads_there = len(way.path) > 0 and len(way.route) <= 1
+            if leads_there and distance_of(way.path[-1], place) <= ROOM_REACHED:
+                end = tuple(way.path[-1].tolist())
+        queue = -1 if way.failed else waiting.queue
+        room = tuple(self._point(mission.itinerary[0]).tolist())
+        return False, np.inf, point, end, queue, True, waiting.arrived, room
 
     def _serve(
         self,
@@ -238,9 +272,11 @@ class ItineraryFollower:
 
 def _is_known(robot: int, memory: QueueState | None) -> bool:
     """Whether a robot holds the resource of a queue, or waits for it."""
-    if memory is None:
-        return False
-    return robot in memory.holders or any(waiter.robot == robot for waiter in memory.waiters)
+    return memory is not None and (robot in memory.holders or _is_waiter(robot, memory))
+
+
+def _is_waiter(robot: int, memory: QueueState) -> bool:
+    return any(waiter.robot == robot for waiter in memory.waiters)
 
 
 @njit(cache=True)
@@ -250,9 +286,9 @@ def _fill_asks(
     velocity: Array,
     time: float,
     areas: tuple[Any, ...],
-    flags: tuple[BoolArray, BoolArray],
+    asks: Rows,
 ) -> None:
-    """Say who is slow enough to load and unload, and who has something to do.
+    """Say who is slow enough to load and unload, who has something to do, and who only waits.
 
     Args:
         rows: ``(N,)`` of STOP_RECORD.
@@ -260,17 +296,32 @@ def _fill_asks(
         velocity: ``(N, 3)`` [m/s, rad/s].
         time: [s].
         areas: where rooms are asked for, the fields of :class:`Grounds`.
-        flags: ``(N,)`` each, filled.
+        asks: ``(N,)`` of ASK_RECORD, filled.
     """
-    at_rest, asks = flags
     grounds = Grounds(*areas)
     for i in range(rows.shape[0]):
-        robot = rows[i]
-        at_rest[i] = abs(velocity[i, 0]) <= AT_REST and abs(velocity[i, 1]) <= AT_REST
-        asks[i] = robot.now or time >= robot.until
-        if at_rest[i] and not asks[i]:
-            asks[i] = is_near(robot.point, pose[i], ROOM_REACHED + NEARLY) or is_near(
+        robot, ask = rows[i], asks[i]
+        is_on = robot.queue >= 0 and is_on_grounds(grounds, robot.queue, pose[i])
+        ask.at_rest = abs(velocity[i, 0]) <= AT_REST and abs(velocity[i, 1]) <= AT_REST
+        ask.waits = robot.waits
+        if robot.waits:
+            ask.asks = _comes_or_leaves(robot, pose[i])
+            ask.renews = is_on
+            ask.away = np.hypot(robot.room[0] - pose[i, 0], robot.room[1] - pose[i, 1])
+            continue
+        ask.asks = robot.now or time >= robot.until or is_on
+        if ask.at_rest and not ask.asks:
+            ask.asks = is_near(robot.point, pose[i], ROOM_REACHED + NEARLY) or is_near(
                 robot.end, pose[i], AT_PATH_END + NEARLY
             )
-        if robot.queue >= 0 and not asks[i]:
-            asks[i] = is_on_grounds(grounds, robot.queue, pose[i])
+
+
+@njit(cache=True)
+def _comes_or_leaves(robot: np.record, position: Array) -> bool:
+    """Whether a robot may have come to its place in a queue, or have left it."""
+    margin = -NEARLY if robot.arrived else NEARLY
+    reach = 2.0 * SPOT_REACHED if robot.arrived else SPOT_REACHED
+    is_there = is_near(robot.point, position, reach + margin) or is_near(
+        robot.end, position, AT_PATH_END + margin
+    )
+    return bool(is_there != robot.arrived)

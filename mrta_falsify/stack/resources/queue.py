@@ -87,18 +87,21 @@ class Queue:
         """Enter the queue, or renew what it knows; True if the robot was not in it before."""
         if waiter.robot in state.holders:
             return False
-        for place, known in enumerate(state.waiters):
-            if known.robot == waiter.robot:
-                if (known.distance, known.deadline) != (waiter.distance, waiter.deadline):
-                    state.waiters[place] = Waiter(
-                        robot=waiter.robot,
-                        since=known.since,
-                        distance=waiter.distance,
-                        deadline=waiter.deadline,
-                    )
-                return False
+        if any(known.robot == waiter.robot for known in state.waiters):
+            self.renew(state, waiter.robot, waiter.distance, waiter.deadline)
+            return False
         state.waiters.append(waiter)
         return True
+
+    def renew(self, state: QueueState, robot: int, distance: float, deadline: float) -> bool:
+        """Renew what the queue knows of a waiter; True if that is another than before."""
+        for place, known in enumerate(state.waiters):
+            if known.robot == robot and (known.distance, known.deadline) != (distance, deadline):
+                state.waiters[place] = Waiter(
+                    robot=robot, since=known.since, distance=distance, deadline=deadline
+                )
+                return True
+        return False
 
     def order(self, state: QueueState) -> tuple[int, ...]:
         """Waiting robots, the next holder first."""

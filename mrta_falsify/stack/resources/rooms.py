@@ -37,6 +37,10 @@ ROOM_RECORD = record_of(
 )
 
 
+#: by the number of a queue: the place of each of its waiters
+Places = dict[int, dict[int, int]]
+
+
 class Grounds(NamedTuple):
     """Where the resources of Q queues are asked for."""
 
@@ -129,6 +133,37 @@ class RoomTraffic:
             events = queue.request(memory, waiter)
         place = queue.place_of(memory, robot)
         return self._wait(mission, index, place, position), events
+
+    def goes_on_waiting(
+        self,
+        robot: int,
+        mission: Mission,
+        memories: Sequence[QueueState],
+        away: float | None,
+        places: Places,
+    ) -> bool:
+        """Renew what a queue knows of a waiter; False: the waiter's place is another now.
+
+        Where the place is the same, that is all that :meth:`head_for_stop` would do for a robot
+        that neither comes to its place nor leaves it.
+
+        Args:
+            robot: number.
+            mission: of the robot, with an activity of ``Waiting``.
+            memories: of all queues.
+            away: how far the robot is from the room [m]; None: it does not ask from where it is.
+            places: known so far; brought up to date.
+        """
+        waiting = mission.activity
+        assert isinstance(waiting, Waiting)
+        queue, memory = self.queues[waiting.queue], memories[waiting.queue]
+        if away is not None and queue.renew(
+            memory, robot, away, mission.next_deadline(self._tasks)
+        ):
+            places.pop(waiting.queue, None)  # a policy may look at it
+        if waiting.queue not in places:
+            places[waiting.queue] = {one: k for k, one in enumerate(queue.order(memory))}
+        return places[waiting.queue].get(robot) == waiting.place
 
     def _is_one_too_many(self, index: int, memory: QueueState, robot: int, pose: Array) -> bool:
         """Whether a robot holds an overfull room unasked, and others are nearer to its point.
