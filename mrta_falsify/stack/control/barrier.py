@@ -19,12 +19,21 @@ from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours
 from mrta_falsify.stack.control.barrier_options import CbfOptions
+from mrta_falsify.stack.control.obstacles import (
+    HUMAN_RADIUS,
+    ROBOT_RANGE,
+    Clearances,
+    Things,
+    is_in_sight,
+)
 
 OBSTACLE, HUMAN, ROBOT = 0, 1, 2  #: kinds of things
 GRIP = 0.1  # m/s^2, rows that all inputs together move by less are left out: nothing to gain
 EFFORT = 0.98  # no row asks for more than this share of what the inputs can give
 NEAREST = 1e-6  # m, distances below count as this: a direction is needed
+ROUNDING = 1e-6  # m
 BROKEN = 1e-9  # m/s^2, by how much a row must be broken to count: rounding is less
 
 BODY_MARGIN = 0.01  # m, beyond the body, the least gap to an obstacle that is asked for
@@ -48,17 +57,6 @@ class Movers(NamedTuple):
     group: IntArray  #: (N,) robots of equal number >= 0 decide together; < 0: no rows at all
 
 
-class Things(NamedTuple):
-    """What each robot must keep clear of by itself; T entries per robot."""
-
-    position: Array  #: (N, T, 2) [m]
-    velocity: Array  #: (N, T, 2) [m/s]
-    gap: Array  #: (N, T) distance to keep, centre to centre [m]
-    kind: IntArray  #: (N, T) OBSTACLE, HUMAN or ROBOT; -1: no entry
-    share: Array  #: (N, T) part of the demand that this robot takes
-    seen_from: IntArray  #: (N, T) robot whose state enters the row: the robot itself
-
-
 class Rows(NamedTuple):
     """Linear constraints on the inputs; those that no input could violate are left out."""
 
@@ -76,9 +74,9 @@ class Rows(NamedTuple):
 def room_for_rows(robots: int, things: int) -> Rows:
     """Make rows that can be filled, for so many robots that keep clear of so many things."""
     pairs = robots * (robots - 1) // 2
-    figures = np.zeros((2, robots, things))
+    figures = np.empty((2, robots, things))
     return Rows(
-        np.zeros((robots, things, 2)),
+        np.empty((robots, things, 2)),
         figures[0],
         figures[1],
         np.zeros(robots, dtype=np.int64),
@@ -128,48 +126,44 @@ def kind_table(options: CbfOptions) -> Kinds:
 
 @njit(cache=True)
 def barrier_row(
-    position: Array,
-    velocity: Array,
-    effect: Array,
-    other: Array,
-    other_velocity: Array,
-    gap: float,
-    kind: np.record,
+    movers: Movers, i: int, x: float, y: float, vx: float, vy: float, gap: float, kind: np.record
 ) -> tuple[float, float, float, float, float]:
-    """Write the row of one robot against one thing.
+    """Write the row of robot ``i`` against one thing.
 
     Args:
-        position: ``(2,)`` robot [m], map frame.
-        velocity: ``(2,)`` robot [m/s], map frame.
-        effect: ``(2, 2)`` acceleration per input.
-        other: ``(2,)`` thing [m].
-        other_velocity: ``(2,)`` thing [m/s].
+        movers: all robots.
+        i: number of the robot.
+        x: of the thing [m], map frame.
+        y: of the thing [m].
+        vx: velocity of the thing [m/s].
+        vy: velocity of the thing [m/s].
         gap: distance to keep [m].
         kind: of the thing.
 
     Returns:
         Two coefficients, the bound [m/s^2], and the unit vector from thing to robot.
     """
-    dx, dy = position[0] - other[0], position[1] - other[1]
+    dx, dy = movers.pose[i, 0] - x, movers.pose[i, 1] - y
     distance = max(np.sqrt(dx * dx + dy * dy), NEAREST)
     ux, uy = dx / distance, dy / distance
-    wx, wy = velocity[0] - other_velocity[0], velocity[1] - other_velocity[1]
+    wx, wy = movers.velocity[i, 0] - vx, movers.velocity[i, 1] - vy
     a, b = kind.a, kind.b
     held = min(gap, max(kind.floor, kind.share * distance))
     h_half = 0.5 * (distance * distance - held * held)
     demand = -((wx * wx + wy * wy) / distance + (a + b) * (ux * wx + uy * wy))
     bound = demand - a * b * h_half / distance
-    first = ux * effect[0, 0] + uy * effect[1, 0]
-    second = ux * effect[0, 1] + uy * effect[1, 1]
+    effect = movers.effect
+    first = ux * effect[i, 0, 0] + uy * effect[i, 1, 0]
+    second = ux * effect[i, 0, 1] + uy * effect[i, 1, 1]
     return first, second, bound, ux, uy
 
 
 @njit(cache=True)
-def _reach(first: float, second: float, low: Array, high: Array) -> tuple[float, float]:
-    """Find the smallest and largest value of a row over the box of inputs."""
-    least = min(first * low[0], first * high[0]) + min(second * low[1], second * high[1])
-    most = max(first * low[0], first * high[0]) + max(second * low[1], second * high[1])
-    return least, most
+def _reach(i: int, first: float, second: float, low: Array, high: Array) -> tuple[float, float]:
+    """Find the smallest and largest value of a row over the box of inputs of robot ``i``."""
+    one, other = first * low[i, 0], first * high[i, 0]
+    third, fourth = second * low[i, 1], second * high[i, 1]
+    return min(one, other) + min(third, fourth), max(one, other) + max(third, fourth)
 
 
 @njit(cache=True)
@@ -179,8 +173,37 @@ def _requested(bound: float, least: float, most: float) -> float:
 
 
 @njit(cache=True)
+def _add_row(
+    i: int,
+    row: tuple[float, float, float, float, float],
+    part: float,
+    coupling: float,
+    box: tuple[Array, Array],
+    rows: Rows,
+) -> None:
+    """Add a row of :func:`barrier_row` to those of robot ``i``, if its inputs can violate it."""
+    first, second, bound, _, _ = row
+    bound *= part
+    low, high = box
+    least, most = _reach(i, first, second, low, high)
+    if least >= bound or most - least < GRIP:
+        return
+    c = rows.own_count[i]
+    rows.own[i, c, 0], rows.own[i, c, 1] = first, second
+    rows.own_bound[i, c] = _requested(bound, least, most)
+    rows.own_coupling[i, c] = coupling
+    rows.own_count[i] = c + 1
+
+
+@njit(cache=True)
 def fill_own_rows(
-    movers: Movers, low: Array, high: Array, things: Things, kinds: Kinds, rows: Rows
+    movers: Movers,
+    low: Array,
+    high: Array,
+    things: Things,
+    clearances: Clearances,
+    kinds: Kinds,
+    rows: Rows,
 ) -> None:
     """Write the rows that concern one robot.
 
@@ -189,66 +212,98 @@ def fill_own_rows(
         low: ``(N, 2)`` smallest inputs.
         high: ``(N, 2)`` largest inputs.
         things: what they keep clear of.
+        clearances: by how much.
         kinds: how.
         rows: none so far.
     """
-    n, t = things.kind.shape
+    point, people, near, seen_from = things.point, things.people, things.near, things.seen_from
+    n, sectors = point.shape[0], point.shape[1]
+    pose, group, box = movers.pose, movers.group, (low, high)
     for i in range(n):
-        if movers.group[i] < 0:
+        if group[i] < 0:
             continue
-        for k in range(t):
-            if things.kind[i, k] < 0:
+        kind = kinds[OBSTACLE]
+        for k in range(sectors):
+            if np.isfinite(point[i, k, 0]):
+                s = seen_from[i, k] if len(seen_from) else i
+                x, y = point[i, k, 0], point[i, k, 1]
+                row = barrier_row(movers, s, x, y, 0.0, 0.0, clearances.obstacle, kind)
+                _add_row(i, row, 1.0, kind.coupling, box, rows)
+        kind = kinds[HUMAN]
+        for k in range(people.radius.shape[0]):
+            if is_in_sight(people.position, i, pose, k):
+                s = seen_from[i, sectors + k] if len(seen_from) else i
+                x, y = people.position[k, 0], people.position[k, 1]
+                vx, vy = people.velocity[k, 0], people.velocity[k, 1]
+                gap = clearances.human + people.radius[k] - HUMAN_RADIUS
+                row = barrier_row(movers, s, x, y, vx, vy, gap, kind)
+                _add_row(i, row, 1.0, kind.coupling, box, rows)
+        kind = kinds[ROBOT]
+        for m in range(near.first[i], near.first[i + 1]):
+            j = near.number[m]
+            if not movers.known[j] or group[j] == group[i]:
                 continue
-            kind = kinds[things.kind[i, k]]
-            s = things.seen_from[i, k]
-            first, second, bound, _, _ = barrier_row(
-                movers.pose[s],
-                movers.velocity[s],
-                movers.effect[s],
-                things.position[i, k],
-                things.velocity[i, k],
-                things.gap[i, k],
-                kind,
-            )
-            bound *= things.share[i, k]
-            least, most = _reach(first, second, low[i], high[i])
-            if least >= bound or most - least < GRIP:
-                continue
-            c = rows.own_count[i]
-            rows.own[i, c, 0], rows.own[i, c, 1] = first, second
-            rows.own_bound[i, c] = _requested(bound, least, most)
-            rows.own_coupling[i, c] = kind.coupling
-            rows.own_count[i] = c + 1
+            dx, dy = pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1]
+            if dx * dx + dy * dy < ROBOT_RANGE * ROBOT_RANGE:
+                vx, vy = movers.velocity[j, 0], movers.velocity[j, 1]
+                row = barrier_row(movers, i, pose[j, 0], pose[j, 1], vx, vy, clearances.robot, kind)
+                part = 1.0 if things.loads[j] else things.share[i, j]
+                _add_row(i, row, part, kind.coupling, box, rows)
+
+
+@njit(cache=True)
+def reach_of_pairs(movers: Movers, kind: np.record, min_gap: float) -> float:
+    """Say beyond which distance no inputs of two robots can violate their row [m].
+
+    At distance d a row asks for at most (a + b) times the speed at which the two come nearer,
+    less a b (d^2 - gap^2) / (2 d); all inputs together change its value by no more than what they
+    can do to both robots. The root of the quadratic between the two is returned.
+    """
+    speed, push = 0.0, 0.0
+    effect, limit, velocity = movers.effect, movers.limit, movers.velocity
+    for i in range(movers.group.shape[0]):
+        speed = max(speed, np.hypot(velocity[i, 0], velocity[i, 1]))
+        first = np.hypot(effect[i, 0, 0], effect[i, 1, 0]) * limit[i, 0]
+        second = np.hypot(effect[i, 0, 1], effect[i, 1, 1]) * limit[i, 1]
+        push = max(push, first + second)
+    asked = 2.0 * ((kind.a + kind.b) * speed + push)
+    product = kind.a * kind.b
+    if product <= 0.0:
+        return np.inf
+    root = np.sqrt(asked * asked + product * product * min_gap * min_gap)
+    return float((asked + root) / product) + ROUNDING
 
 
 @njit(cache=True)
 def fill_pair_rows(
-    movers: Movers, low: Array, high: Array, kind: np.record, min_gap: float, rows: Rows
+    movers: Movers,
+    low: Array,
+    high: Array,
+    kind: np.record,
+    min_gap: float,
+    near: Neighbours,
+    rows: Rows,
 ) -> None:
     """Write the rows that concern two robots of one group.
 
-    ``movers``, ``low``, ``high`` and ``rows`` are as for :func:`fill_own_rows`.
+    ``movers``, ``low``, ``high`` and ``rows`` are as for :func:`fill_own_rows`, ``near`` lists
+    robots within :func:`reach_of_pairs` or farther.
     """
-    n, p = movers.group.shape[0], 0
+    p, pose, velocity, group = 0, movers.pose, movers.velocity, movers.group
     pair, pair_row, pair_bound = rows.pair, rows.pair_row, rows.pair_bound
-    for i in range(n):
-        for j in range(i + 1, n):
-            if movers.group[i] < 0 or movers.group[i] != movers.group[j]:
+    effect = movers.effect
+    for i in range(group.shape[0]):
+        for m in range(near.first[i], near.first[i + 1]):
+            j = near.number[m]
+            if j < i or group[i] < 0 or group[i] != group[j]:
                 continue
             first, second, bound, ux, uy = barrier_row(
-                movers.pose[i],
-                movers.velocity[i],
-                movers.effect[i],
-                movers.pose[j],
-                movers.velocity[j],
-                min_gap,
-                kind,
+                movers, i, pose[j, 0], pose[j, 1], velocity[j, 0], velocity[j, 1], min_gap, kind
             )
-            effect = movers.effect[j]
-            third = -(ux * effect[0, 0] + uy * effect[1, 0])
-            fourth = -(ux * effect[0, 1] + uy * effect[1, 1])
-            least_i, most_i = _reach(first, second, low[i], high[i])
-            least_j, most_j = _reach(third, fourth, low[j], high[j])
+            third = -(ux * effect[j, 0, 0] + uy * effect[j, 1, 0])
+            fourth = -(ux * effect[j, 0, 1] + uy * effect[j, 1, 1])
+            least_i, most_i = _reach(i, first, second, low, high)
+            least_j, most_j = _reach(j, third, fourth, low, high)
             least, most = least_i + least_j, most_i + most_j
             if least >= bound or most - least < GRIP:
                 continue
@@ -309,11 +364,10 @@ def fill_violated(
                 broken[rows.component[i]] = True
                 break
     for p in range(rows.pair_count[0]):
-        i, j = rows.pair[p]
+        i, j, row = rows.pair[p, 0], rows.pair[p, 1], rows.pair_row
         height[rows.component[i]] += 1
-        row = rows.pair_row[p]
-        value = row[0] * inputs[i, 0] + row[1] * inputs[i, 1]
-        value += row[2] * inputs[j, 0] + row[3] * inputs[j, 1]
+        value = row[p, 0] * inputs[i, 0] + row[p, 1] * inputs[i, 1]
+        value += row[p, 2] * inputs[j, 0] + row[p, 3] * inputs[j, 1]
         if value < rows.pair_bound[p] - BROKEN:
             broken[rows.component[i]] = True
     return bool(broken.any())

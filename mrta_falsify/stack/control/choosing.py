@@ -13,13 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours
 from mrta_falsify.core.world import CRUISE
 from mrta_falsify.stack.control.conflicts import SharedPlaces, Traffic, fill_box
 from mrta_falsify.stack.control.manoeuvres import (
     CHOICE,
     GO,
+    LONGEST_LEG,
+    SLOW_SHARE,
     STAY,
     WAIT,
     Choices,
@@ -30,12 +33,13 @@ from mrta_falsify.stack.control.manoeuvres import (
     try_waiting,
 )
 from mrta_falsify.stack.control.obstacles import HUMAN_RADIUS, Clearances, People
-from mrta_falsify.stack.control.predicted_motions import SAMPLES, fill_drift, fill_stop
+from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, fill_drift, fill_stop
 from mrta_falsify.stack.control.state import Crew, CrewView, people_in
 
 COMPANY = 6.0  # m, robots that drive at CRUISE and are farther apart cannot meet in time
 NEAR = 3.5  # m, people farther from a robot than this do not matter to its choice
 STANDING = 0.15  # m/s, slower people are passed like furniture
+ROUNDING = 1e-6  # m
 PEOPLE_MARGIN = 0.1  # m, beyond the gap to people, so that no barrier row stops a pass halfway
 
 
@@ -47,16 +51,73 @@ class Ways(NamedTuple):
 
 
 @njit(cache=True)
-def _has_company(i: int, crew: Crew) -> bool:
-    """Whether another robot is near enough to matter within the predicted time."""
-    x, y = crew[i].pose[0], crew[i].pose[1]
-    for j in range(crew.shape[0]):
-        if j != i and crew[j].present:
-            dx, dy = crew[j].pose[0] - x, crew[j].pose[1] - y
-            reach = COMPANY * max(1.0, max(crew[i].cruise, crew[j].cruise) / CRUISE)
-            if dx * dx + dy * dy < reach * reach:
-                return True
-    return False
+def _company_within(robot: np.record, other: np.record) -> float:
+    """Say how near two robots must be to matter to each other within the predicted time [m]."""
+    return float(COMPANY * max(1.0, max(robot.cruise, other.cruise) / CRUISE))
+
+
+@njit(cache=True)
+def _reach_of(robot: np.record) -> float:
+    """Say how far from its place any motion that is predicted for a robot can lead [m].
+
+    None is faster than the robot is now, or wants to be, but for a leg to pass or to move aside.
+    """
+    pace = abs(robot.speed)
+    if robot.wants:
+        pace = max(pace, robot.cruise, SLOW_SHARE * CRUISE)
+    return float(max(LONGEST_LEG, pace * (SAMPLES - 1) * STEP) + ROUNDING)
+
+
+@njit(cache=True)
+def reach_of_choices(crew: Crew, gap: float) -> float:
+    """Say how near two robots must be for a choice to depend on both [m].
+
+    Args:
+        crew: robots as they are heard; who wants to move need not be known yet.
+        gap: distance between robots that counts as a conflict [m].
+    """
+    fastest, widest = 0.0, COMPANY
+    for i in range(crew.shape[0]):
+        fastest = max(fastest, abs(crew[i].speed), crew[i].cruise, SLOW_SHARE * CRUISE)
+        widest = max(widest, _company_within(crew[i], crew[i]))
+    reach = max(LONGEST_LEG, fastest * (SAMPLES - 1) * STEP) + ROUNDING
+    return float(max(widest, 2.0 * reach + gap))
+
+
+class _Around(NamedTuple):
+    """Room for the robots around one that chooses: as long as the fleet."""
+
+    others: IntArray
+    undecided: IntArray
+
+
+@njit(cache=True)
+def _look_around(
+    i: int, crew: Crew, settled: BoolArray, gap: float, near: Neighbours, around: _Around
+) -> tuple[int, int, bool]:
+    """List whom robot ``i`` may meet: settled robots, and robots yet to decide.
+
+    Returns:
+        How many they are, and whether a robot is near enough to matter at all.
+    """
+    x, y, reach = crew[i].pose[0], crew[i].pose[1], _reach_of(crew[i])
+    others, undecided, has_company = 0, 0, False
+    for m in range(near.first[i], near.first[i + 1]):
+        j = near.number[m]
+        if not crew[j].present:
+            continue
+        dx, dy = crew[j].pose[0] - x, crew[j].pose[1] - y
+        square, company = dx * dx + dy * dy, _company_within(crew[i], crew[j])
+        has_company = has_company or square < company * company
+        within = reach + _reach_of(crew[j]) + gap
+        if square < within * within:
+            if settled[j]:
+                around.others[others] = j
+                others += 1
+            else:
+                around.undecided[undecided] = j
+                undecided += 1
+    return others, undecided, has_company
 
 
 @njit(cache=True)
@@ -69,7 +130,7 @@ def _standing_near(robot: np.record, people: People, min_gap_human: float) -> tu
         dx, dy = people.position[k, 0] - robot.pose[0], people.position[k, 1] - robot.pose[1]
         pace = people.velocity[k, 0] ** 2 + people.velocity[k, 1] ** 2
         if pace < STANDING * STANDING and dx * dx + dy * dy < NEAR * NEAR:
-            place[count, 0], place[count, 1] = people.position[k]
+            place[count, 0], place[count, 1] = people.position[k, 0], people.position[k, 1]
             gap[count] = people.radius[k] - HUMAN_RADIUS + min_gap_human + PEOPLE_MARGIN
             count += 1
     return place[:count], gap[:count]
@@ -139,7 +200,8 @@ def choose_manoeuvres(
     points: Array,
     sensed: CrewView,
     clearances: Clearances,
-    yield_margin: float,
+    gap: float,
+    near: Neighbours,
 ) -> Choices:
     """Choose a manoeuvre for each robot, better-placed robots first.
 
@@ -154,7 +216,8 @@ def choose_manoeuvres(
         points: ``(N, S, 2)`` obstacle points [m], inf: none.
         sensed: people, and places that robots must ask for.
         clearances: distances that the barrier rows keep.
-        yield_margin: robots nearer than this beyond their barrier distance conflict [m].
+        gap: robots nearer than this conflict [m].
+        near: within :func:`reach_of_choices` or farther.
 
     Returns:
         ``(N,)`` of CHOICE; STAY for robots that this does not decide for.
@@ -164,7 +227,8 @@ def choose_manoeuvres(
     motion, box = np.empty((n, SAMPLES, 2)), np.empty((n, 4))
     stuck, decides = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     settled = np.empty(n, dtype=np.bool_)
-    gap, people = clearances.robot + yield_margin, people_in(sensed)
+    people = people_in(sensed)
+    around = _Around(np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64))
     for _ in range(2):
         for i in range(n):
             robot = crew[i]
@@ -180,11 +244,13 @@ def choose_manoeuvres(
             if not decides[i]:
                 continue
             place, people_gap = _standing_near(crew[i], people, clearances.human)
-            if len(place) == 0 and not _has_company(i, crew):
+            met, waited, has_company = _look_around(i, crew, settled, gap, near, around)
+            if len(place) == 0 and not has_company:
                 _fill_alone(choices[i], crew[i])
                 fill_stop(crew[i], motion[i])
             else:
-                traffic = Traffic(motion, box, settled, gap, place, people_gap)
+                others, undecided = around.others[:met], around.undecided[:waited]
+                traffic = Traffic(motion, box, gap, place, people_gap, others, undecided)
                 places = SharedPlaces(sensed.shared_corner, sensed.shared_first, sensed.closed[i])
                 _fill_choice(choices[i], i, crew, ways, points[i], clearances, places, traffic)
                 # Nowhere to go: in a second round the others have to find a way round it.

@@ -13,16 +13,23 @@ from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command
+from mrta_falsify.core.neighbours import neighbours_within
 from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
-from mrta_falsify.stack.control.choosing import Ways, choose_manoeuvres, let_leaders_go
+from mrta_falsify.stack.control.choosing import (
+    Ways,
+    choose_manoeuvres,
+    let_leaders_go,
+    reach_of_choices,
+)
 from mrta_falsify.stack.control.dynamics import NominalInput
 from mrta_falsify.stack.control.nominal_motion import NominalInputs, fill_nominal
 from mrta_falsify.stack.control.obstacles import Clearances, clearances_of
 from mrta_falsify.stack.control.perception import survey_crew
 from mrta_falsify.stack.control.recovery import back_up_where_stuck
 from mrta_falsify.stack.control.state import (
+    MET,
     ControllerState,
     Crew,
     CrewView,
@@ -184,10 +191,16 @@ def _decide_crew(
     sensed, ways, nominal = CrewView(*view), Ways(*paths), NominalInputs(*result)
     people = people_in(sensed)
     all_heard = hear_robots(crew, sensed, is_first)
-    order = survey_crew(crew, sensed, rules.neighbour_distance, rules.command_lifetime)
     position = np.empty((crew.shape[0], 2))
     for i in range(crew.shape[0]):
         position[i, 0], position[i, 1] = crew[i].pose[0], crew[i].pose[1]
+    gap = clearances.robot + rules.yield_margin
+    near = neighbours_within(
+        position, max(rules.neighbour_distance, MET, reach_of_choices(crew, gap))
+    )
+    order = survey_crew(
+        crew, sensed, rules.neighbour_distance, rules.command_lifetime, position, near
+    )
     points, seen_at = memory
     points[:], seen_at[:] = remember_points(
         points,
@@ -197,13 +210,12 @@ def _decide_crew(
         sensed.present,
         sensed.time,
         rules.obstacle_memory,
+        near,
     )
     if rules.followers_brake:
         choices = let_leaders_go(crew)
     else:
-        choices = choose_manoeuvres(
-            crew, order, ways, points, sensed, clearances, rules.yield_margin
-        )
+        choices = choose_manoeuvres(crew, order, ways, points, sensed, clearances, gap, near)
     if rules.backs_up:
         back_up_where_stuck(choices, crew, points, people, clearances.obstacle, sensed.time)
     fill_nominal(crew, choices, sensed, rules.patience, rules.leader_weight, nominal)

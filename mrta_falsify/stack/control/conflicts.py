@@ -8,7 +8,6 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.core.plane import signed_distances
 from mrta_falsify.stack.control.predicted_motions import SAMPLES, STEP, StraightLeg
 from mrta_falsify.stack.control.state import Crew
 
@@ -26,10 +25,11 @@ class Traffic(NamedTuple):
 
     motion: Array  #: (N, SAMPLES, 2) predicted positions [m]
     box: Array  #: (N, 4) least x, y and largest x, y of each motion [m]
-    settled: BoolArray  #: (N,) robots whose motion is known by now; others are not kept clear of
     gap: float  #: distance between robots that counts as a conflict [m]
     people: Array  #: (P, 2) who stands near [m]
     people_gap: Array  #: (P,) distance to keep from them [m]
+    others: IntArray  #: (M,) settled robots that the robot may meet, ascending
+    undecided: IntArray  #: (U,) robots yet to decide that it may come near, ascending
 
 
 class SharedPlaces(NamedTuple):
@@ -43,62 +43,62 @@ class SharedPlaces(NamedTuple):
 @njit(cache=True)
 def fill_box(motion: Array, box: Array) -> None:
     """Fill ``box`` (4,) with the least x, y and the largest x, y of ``motion`` (SAMPLES, 2)."""
-    box[0], box[1] = motion[0]
-    box[2], box[3] = motion[0]
+    box[0] = box[2] = motion[0, 0]
+    box[1] = box[3] = motion[0, 1]
     for k in range(1, SAMPLES):
-        x, y = motion[k]
+        x, y = motion[k, 0], motion[k, 1]
         box[0], box[1] = min(box[0], x), min(box[1], y)
         box[2], box[3] = max(box[2], x), max(box[3], y)
 
 
 @njit(cache=True)
-def are_apart(box: Array, other: Array, gap: float) -> bool:
-    """Whether nothing in one box is nearer than ``gap`` to anything in the other."""
-    return bool(
-        other[0] - box[2] >= gap
-        or box[0] - other[2] >= gap
-        or other[1] - box[3] >= gap
-        or box[1] - other[3] >= gap
-    )
+def _held(gap: float, dx: float, dy: float) -> float:
+    """Give the gap to keep from what is at an offset of (dx, dy) now: coming nearer counts."""
+    return float(min(gap, KEPT_SHARE * np.sqrt(dx * dx + dy * dy)))
 
 
 @njit(cache=True)
-def conflict(motion: Array, other: Array, gap: float) -> float:
-    """Find when two motions first come nearer than ``gap`` [s], inf: never.
-
-    A gap larger than the present distance shrinks to it: what counts is coming nearer.
-    """
-    now = (motion[0, 0] - other[0, 0]) ** 2 + (motion[0, 1] - other[0, 1]) ** 2
-    held = min(gap, KEPT_SHARE * np.sqrt(now))
+def _meets_within(motion: Array, traffic: Traffic, j: int, until: float) -> float:
+    """Find when a motion first comes too near to that of robot ``j`` [s]; inf: not by ``until``."""
+    other, box = traffic.motion, traffic.box
+    held = _held(traffic.gap, motion[0, 0] - other[j, 0, 0], motion[0, 1] - other[j, 0, 1])
     square = held * held
     for k in range(SAMPLES):
+        if k * STEP >= until:
+            break
+        x, y = motion[k, 0], motion[k, 1]
+        if box[j, 0] - x >= held or x - box[j, 2] >= held:
+            continue
+        if box[j, 1] - y >= held or y - box[j, 3] >= held:
+            continue
         for m in range(max(0, k - SLACK_SAMPLES), min(SAMPLES, k + SLACK_SAMPLES + 1)):
-            dx, dy = motion[k, 0] - other[m, 0], motion[k, 1] - other[m, 1]
+            dx, dy = x - other[j, m, 0], y - other[j, m, 1]
             if dx * dx + dy * dy < square:
                 return k * STEP
     return np.inf
 
 
 @njit(cache=True)
-def _conflict_with_point(motion: Array, point: Array, gap: float) -> float:
-    """Do as :func:`conflict` with something that stands at ``point`` ``(2,)``."""
-    now = (motion[0, 0] - point[0]) ** 2 + (motion[0, 1] - point[1]) ** 2
-    held = min(gap, KEPT_SHARE * np.sqrt(now))
+def _meets_point_within(motion: Array, x: float, y: float, gap: float, until: float) -> float:
+    """Do as :func:`_meets_within` with something that stands at (x, y)."""
+    held = _held(gap, motion[0, 0] - x, motion[0, 1] - y)
     square = held * held
     for k in range(SAMPLES):
-        dx, dy = motion[k, 0] - point[0], motion[k, 1] - point[1]
+        if k * STEP >= until:
+            break
+        dx, dy = motion[k, 0] - x, motion[k, 1] - y
         if dx * dx + dy * dy < square:
             return k * STEP
     return np.inf
 
 
 @njit(cache=True)
-def _is_followed(motion: Array, other: Array) -> bool:
-    """Whether ``other`` comes from behind in the same direction: then it is the one to wait."""
+def _is_followed(motion: Array, others: Array, j: int) -> bool:
+    """Whether robot ``j`` comes from behind in the same direction: then it is the one to wait."""
     last = SAMPLES - 1
     mx, my = motion[last, 0] - motion[0, 0], motion[last, 1] - motion[0, 1]
-    ox, oy = other[last, 0] - other[0, 0], other[last, 1] - other[0, 1]
-    dx, dy = motion[0, 0] - other[0, 0], motion[0, 1] - other[0, 1]
+    ox, oy = others[j, last, 0] - others[j, 0, 0], others[j, last, 1] - others[j, 0, 1]
+    dx, dy = motion[0, 0] - others[j, 0, 0], motion[0, 1] - others[j, 0, 1]
     m, o = np.sqrt(mx * mx + my * my), np.sqrt(ox * ox + oy * oy)
     d = np.sqrt(dx * dx + dy * dy)
     if m < MOVES or o < MOVES:
@@ -107,27 +107,33 @@ def _is_followed(motion: Array, other: Array) -> bool:
 
 
 @njit(cache=True)
-def first_conflict(i: int, motion: Array, traffic: Traffic) -> tuple[float, bool]:
-    """Find robot ``i``'s first conflict [s], inf: none; says whether what it meets stands."""
+def first_conflict(motion: Array, traffic: Traffic) -> tuple[float, bool]:
+    """Find a motion's first conflict [s], inf: none; says whether what it meets stands.
+
+    A gap larger than the present distance shrinks to it: what counts is coming nearer.
+    """
     first, stands = np.inf, False
-    box, place = np.empty(4), np.empty(4)
-    fill_box(motion, box)
-    for j in range(traffic.motion.shape[0]):
-        if j == i or not traffic.settled[j] or are_apart(box, traffic.box[j], traffic.gap):
+    others, box, gap = traffic.motion, traffic.box, traffic.gap
+    west = east = motion[0, 0]
+    south = north = motion[0, 1]
+    for k in range(1, SAMPLES):
+        x, y = motion[k, 0], motion[k, 1]
+        west, east = min(west, x), max(east, x)
+        south, north = min(south, y), max(north, y)
+    for m in range(traffic.others.shape[0]):
+        j = traffic.others[m]
+        if box[j, 0] - east >= gap or west - box[j, 2] >= gap:
             continue
-        other = traffic.motion[j]
-        t = conflict(motion, other, traffic.gap)
-        if t < first and not _is_followed(motion, other):
-            first = t
-            moved = (other[-1, 0] - other[0, 0]) ** 2
-            moved += (other[-1, 1] - other[0, 1]) ** 2
-            stands = moved < STANDS
+        if box[j, 1] - north >= gap or south - box[j, 3] >= gap:
+            continue
+        t = _meets_within(motion, traffic, j, first)
+        if t < first and not _is_followed(motion, others, j):
+            ox = others[j, SAMPLES - 1, 0] - others[j, 0, 0]
+            oy = others[j, SAMPLES - 1, 1] - others[j, 0, 1]
+            first, stands = t, ox * ox + oy * oy < STANDS
     for k in range(traffic.people.shape[0]):
-        gap = traffic.people_gap[k]
-        place[:2], place[2:] = traffic.people[k], traffic.people[k]
-        if are_apart(box, place, gap):
-            continue
-        t = _conflict_with_point(motion, traffic.people[k], gap)
+        x, y = traffic.people[k, 0], traffic.people[k, 1]
+        t = _meets_point_within(motion, x, y, traffic.people_gap[k], first)
         if t < first:
             first, stands = t, True
     return first, stands
@@ -158,27 +164,39 @@ def is_clear_of_points(leg: StraightLeg, points: Array, gap: float) -> bool:
 @njit(cache=True)
 def enters_closed_place(leg: StraightLeg, places: SharedPlaces) -> bool:
     """Whether a leg ends in a place that is closed to the robot, deeper than it begins."""
-    ends = np.array([[leg.x, leg.y], [leg.x, leg.y]])
-    ends[1, 0] += leg.length * leg.ux
-    ends[1, 1] += leg.length * leg.uy
+    x, y = leg.x + leg.length * leg.ux, leg.y + leg.length * leg.uy
     for k in range(places.closed.shape[0]):
         if places.closed[k]:
-            outline = places.corner[places.first[k] : places.first[k + 1]]
-            start, end = signed_distances(outline, ends)
-            if end < 0.0 and end < start:
+            end = _signed_distance(places, k, x, y)
+            if end < 0.0 and end < _signed_distance(places, k, leg.x, leg.y):
                 return True
     return False
 
 
 @njit(cache=True)
-def is_clear_of_undecided(
-    i: int, leg: StraightLeg, crew: Crew, settled: BoolArray, gap: float
-) -> bool:
-    """Whether a leg of robot ``i`` keeps ``gap`` from where robots yet to decide are now."""
-    for j in range(crew.shape[0]):
-        if j == i or not crew[j].present or settled[j]:
-            continue
-        dx, dy = crew[j].pose[0] - leg.x, crew[j].pose[1] - leg.y
-        if _comes_near(leg, dx, dy, gap):
+def _signed_distance(places: SharedPlaces, place: int, x: float, y: float) -> float:
+    """Measure how far (x, y) is from a place [m], as :func:`~.plane.signed_distances` does."""
+    corner, begin, end = places.corner, places.first[place], places.first[place + 1]
+    square, is_inside = np.inf, False
+    ax, ay = corner[end - 1, 0], corner[end - 1, 1]
+    for k in range(begin, end):
+        bx, by = corner[k, 0], corner[k, 1]
+        dx, dy = bx - ax, by - ay
+        length, share = dx * dx + dy * dy, 0.0
+        if length > 0.0:
+            share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length))
+        square = min(square, (ax + share * dx - x) ** 2 + (ay + share * dy - y) ** 2)
+        if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
+            is_inside = not is_inside
+        ax, ay = bx, by
+    return -np.sqrt(square) if is_inside else np.sqrt(square)
+
+
+@njit(cache=True)
+def is_clear_of_undecided(leg: StraightLeg, crew: Crew, traffic: Traffic, gap: float) -> bool:
+    """Whether a leg keeps ``gap`` from where robots yet to decide are now."""
+    for m in range(traffic.undecided.shape[0]):
+        pose = crew[traffic.undecided[m]].pose
+        if _comes_near(leg, pose[0] - leg.x, pose[1] - leg.y, gap):
             return False
     return True

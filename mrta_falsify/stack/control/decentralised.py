@@ -8,10 +8,12 @@ import numpy as np
 
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.fleet import Command
+from mrta_falsify.core.neighbours import neighbours_within
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import NominalInput
 from mrta_falsify.stack.control.state import (
+    MET,
     ControllerState,
     CrewView,
     crew_view,
@@ -81,6 +83,7 @@ class DecentralisedCbf:
             view.present,
             view.time,
             options.obstacle_memory,
+            neighbours_within(pose, MET),
         )
         heard = view.present & view.states_link
         better = view.rank[:, None] < view.rank[None, :]

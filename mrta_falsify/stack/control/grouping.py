@@ -6,35 +6,48 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours
 
 
 @njit(cache=True)
-def connected_clusters(position: Array, connected: BoolArray, distance: float) -> IntArray:
+def connected_clusters(
+    position: Array, connected: BoolArray, distance: float, near: Neighbours
+) -> IntArray:
     """Cluster robots that are neighbours, or neighbours of neighbours.
 
     Args:
         position: ``(N, 2)`` [m], map frame.
         connected: ``(N,)`` robots that share their states; the others stay alone.
         distance: two robots nearer than this [m] are neighbours.
+        near: within ``distance`` or farther.
 
     Returns:
         ``(N,)`` smallest robot number of each robot's cluster.
     """
     n = position.shape[0]
-    label = np.arange(n)
+    label = np.arange(n)  # of each robot another one of its cluster, or itself, if it is the first
     for i in range(n):
-        if not connected[i]:
-            continue
-        for j in range(i):
-            dx = position[i, 0] - position[j, 0]
-            dy = position[i, 1] - position[j, 1]
-            if connected[j] and dx * dx + dy * dy < distance * distance:
-                low, high = min(label[i], label[j]), max(label[i], label[j])
-                if low != high:
-                    for k in range(i + 1):
-                        if label[k] == high:
-                            label[k] = low
+        for m in range(near.first[i], near.first[i + 1]):
+            j = near.number[m]
+            if j > i:
+                break
+            dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+            are_neighbours = connected[i] and connected[j]
+            if are_neighbours and dx * dx + dy * dy < distance * distance:
+                a, b = _first_of(label, i), _first_of(label, j)
+                label[max(a, b)] = min(a, b)
+    for i in range(n):
+        label[i] = _first_of(label, i)
     return label
+
+
+@njit(cache=True)
+def _first_of(label: IntArray, i: int) -> int:
+    """Follow the labels from robot ``i``, and shorten the way for the next time."""
+    while label[i] != i:
+        label[i] = label[label[i]]
+        i = label[i]
+    return i
 
 
 @njit(cache=True)
@@ -65,18 +78,20 @@ def elect_leaders(
     are not eligible (they cannot receive remote commands) lead themselves.
     """
     n = label.shape[0]
-    leader = np.arange(n)
+    best, leader = np.full(n, -1), np.arange(n)  # of each cluster, at its number; of each robot
+    for j in range(n):
+        known = best[label[j]]
+        if eligible[j] and (known < 0 or _is_better(j, known, active, key)):
+            best[label[j]] = j
     for i in range(n):
-        if not eligible[i]:
-            continue
-        best = i
-        for j in range(n):
-            if not eligible[j] or label[j] != label[i] or j == best:
-                continue
-            if active[j] != active[best]:
-                if active[j]:
-                    best = j
-            elif key[j] < key[best]:
-                best = j
-        leader[i] = best
+        if eligible[i]:
+            leader[i] = best[label[i]]
     return leader
+
+
+@njit(cache=True)
+def _is_better(j: int, known: int, active: BoolArray, key: IntArray) -> bool:
+    """Whether robot ``j`` leads rather than robot ``known``."""
+    if active[j] != active[known]:
+        return bool(active[j])
+    return bool(key[j] < key[known])

@@ -70,6 +70,7 @@ ASIDE_MARGIN = 0.02  # m, beyond the gap to obstacles, like that of a pass
 ASIDE_TURN_COST = 0.4  # per rad of turning on the spot
 ASIDE_LENGTH_COST = 0.5  # per m
 BACK_COST = 0.2  # of driving backwards: a small turn, up to 0.5 rad, is preferred to it
+LONGEST_LEG = max(*PASS_LENGTHS, *ASIDE_LENGTHS)  # m
 WORTH_MOVING = 0.3  # s, so much later a conflict must come for a robot to move aside
 
 
@@ -98,7 +99,7 @@ def try_continuing(
     for kind in (GO, SLOW):
         pace = robot.cruise if kind == GO else SLOW_SHARE * min(robot.max_speed, CRUISE)
         fill_pursuit(robot, path, segment, share, pace, trial)
-        t, fixed = first_conflict(i, trial, traffic)
+        t, fixed = first_conflict(trial, traffic)
         if kind == GO and t >= SOON:
             t = np.inf
         if kind == GO:
@@ -131,8 +132,9 @@ def try_passing(
     trial = np.empty((SAMPLES, 2))
     x, y, yaw = robot.pose[0], robot.pose[1], robot.pose[2]
     segment, _share = project_on_path(path, x, y, 0)
-    along = path[segment + 1] - path[segment]
-    tangent = np.arctan2(along[1], along[0])
+    tangent = np.arctan2(
+        path[segment + 1, 1] - path[segment, 1], path[segment + 1, 0] - path[segment, 0]
+    )
     cruise = min(robot.max_speed, CRUISE)
     cheapest = np.inf
     for k in range(2 * (2 * PASS_STEPS + 1)):
@@ -149,7 +151,7 @@ def try_passing(
         if enters_closed_place(leg, places):
             continue
         fill_leg(leg, turn, PASS_SPEED * cruise, trial)
-        t, _ = first_conflict(i, trial, traffic)
+        t, _ = first_conflict(trial, traffic)
         if t < np.inf:
             continue
         cheapest = cost
@@ -164,7 +166,7 @@ def try_waiting(choice: np.record, i: int, robot: np.record, traffic: Traffic) -
     """Stop and stay."""
     trial = np.empty((SAMPLES, 2))
     fill_stop(robot, trial)
-    t, _ = first_conflict(i, trial, traffic)
+    t, _ = first_conflict(trial, traffic)
     if t > choice.conflict_at + EARLIER:
         _fill_point(choice, np.nan, np.nan, False)
         choice.kind, choice.conflict_at = WAIT if robot.wants else STAY, t
@@ -197,12 +199,12 @@ def try_moving_aside(
             continue
         if not is_clear_of_points(leg, points, obstacle_gap + ASIDE_MARGIN):
             continue
-        if not is_clear_of_undecided(i, leg, crew, traffic.settled, min_gap_robot):
+        if not is_clear_of_undecided(leg, crew, traffic, min_gap_robot):
             continue
         if enters_closed_place(leg, places):
             continue
         fill_leg(leg, turn, ASIDE_SPEED, trial)
-        t, _ = first_conflict(i, trial, traffic)
+        t, _ = first_conflict(trial, traffic)
         better = t > choice.conflict_at + WORTH_MOVING
         if better or (t == choice.conflict_at and cost < cheapest):
             cheapest = cost

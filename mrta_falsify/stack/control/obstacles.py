@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array, IntArray
+from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, ROBOT, Movers, Things
+from mrta_falsify.core.neighbours import Neighbours
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 
 HUMAN_RADIUS = 0.25  # m, the person that `min_gap_human` is meant for
@@ -41,57 +41,23 @@ def clearances_of(options: CbfOptions) -> Clearances:
     )
 
 
+class Things(NamedTuple):
+    """What the robots must keep clear of, each by itself."""
+
+    point: Array  #: (N, S, 2) obstacle points that each has seen [m], inf: none
+    people: People
+    near: Neighbours  #: robots within ROBOT_RANGE or farther; those of one group are no things
+    share: Array  #: (N, N) of a demand that a robot (row) takes against one of another group
+    loads: BoolArray  #: (N,) robots that stay where they are: others take the whole of a demand
+    #: (N, S + H) robot whose state enters the row of each point and person; (0, 0): the row's own
+    seen_from: IntArray
+
+
 @njit(cache=True)
-def list_things(
-    movers: Movers, points: Array, people: People, share: Array, clearances: Clearances
-) -> Things:
-    """List what each robot must keep clear of by itself.
-
-    Args:
-        movers: all robots; those of one group are no things to each other.
-        points: ``(N, S, 2)`` obstacle points [m], inf: none.
-        people: who is about.
-        share: ``(N, N)`` part of a demand that a robot (row) takes against one of another group.
-        clearances: distances to keep.
-
-    Returns:
-        T = S + H + N entries per robot: points, people, robots.
-    """
-    n, sectors = points.shape[0], points.shape[1]
-    h = people.radius.shape[0]
-    t = sectors + h + n
-    where, moving = np.zeros((n, t, 2)), np.zeros((n, t, 2))
-    gap, part = np.zeros((n, t)), np.ones((n, t))
-    kind = np.full((n, t), -1, dtype=np.int64)
-    seen_from = np.empty((n, t), dtype=np.int64)
-    pose, group = movers.pose, movers.group
-    for i in range(n):
-        seen_from[i] = i
-        if group[i] < 0:
-            continue
-        for k in range(sectors):
-            if np.isfinite(points[i, k, 0]):
-                where[i, k] = points[i, k]
-                gap[i, k] = clearances.obstacle
-                kind[i, k] = OBSTACLE
-        for k in range(h):
-            dx, dy = people.position[k, 0] - pose[i, 0], people.position[k, 1] - pose[i, 1]
-            if dx * dx + dy * dy < HUMAN_RANGE * HUMAN_RANGE:
-                where[i, sectors + k] = people.position[k]
-                moving[i, sectors + k] = people.velocity[k]
-                gap[i, sectors + k] = clearances.human + people.radius[k] - HUMAN_RADIUS
-                kind[i, sectors + k] = HUMAN
-        for j in range(n):
-            if j == i or not movers.known[j] or group[j] == group[i]:
-                continue
-            dx, dy = pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1]
-            if dx * dx + dy * dy < ROBOT_RANGE * ROBOT_RANGE:
-                where[i, sectors + h + j] = pose[j, :2]
-                moving[i, sectors + h + j] = movers.velocity[j]
-                gap[i, sectors + h + j] = clearances.robot
-                kind[i, sectors + h + j] = ROBOT
-                part[i, sectors + h + j] = share[i, j]
-    return Things(where, moving, gap, kind, part, seen_from)
+def is_in_sight(position: Array, i: int, pose: Array, k: int) -> bool:
+    """Whether robot ``i`` of ``pose`` ``(N, 3)`` must keep clear of person ``k``."""
+    dx, dy = position[k, 0] - pose[i, 0], position[k, 1] - pose[i, 1]
+    return bool(dx * dx + dy * dy < HUMAN_RANGE * HUMAN_RANGE)
 
 
 @njit(cache=True)
@@ -109,21 +75,29 @@ def _members_of(group: IntArray, head: int) -> IntArray:
 
 
 @njit(cache=True)
-def seen_by_wrong_robot(seen_from: IntArray, kind: IntArray, group: IntArray) -> IntArray:
+def seen_by_wrong_robot(point: Array, people: People, pose: Array, group: IntArray) -> IntArray:
     """Planted defect: rows of a cluster use the state of the robot whose place equals the row.
 
     MRTA-Sim 1.3.1: the row number, clamped to the last robot, is taken for the robot's number.
+    Arguments and result are as the fields of :class:`Things`.
     """
-    wrong = seen_from.copy()
-    n, t = kind.shape
+    n, sectors, h = point.shape[0], point.shape[1], people.radius.shape[0]
+    wrong = np.empty((n, sectors + h), dtype=np.int64)
+    for i in range(n):
+        for k in range(sectors + h):
+            wrong[i, k] = i
     for head in range(n):
         members = _members_of(group, head)
         if len(members) < 2:
             continue
         row = 0
         for i in members:
-            for k in range(t):
-                if kind[i, k] in (OBSTACLE, HUMAN):
+            for k in range(sectors + h):
+                if k < sectors:
+                    is_thing = np.isfinite(point[i, k, 0])
+                else:
+                    is_thing = is_in_sight(people.position, i, pose, k - sectors)
+                if is_thing:
                     wrong[i, k] = members[min(row, len(members) - 1)]
                     row += 1
     return wrong

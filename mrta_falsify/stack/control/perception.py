@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrta_falsify.core.arrays import IntArray
+from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours
 from mrta_falsify.stack.control.grouping import connected_clusters, elect_leaders, precedence
 from mrta_falsify.stack.control.state import Crew, CrewView
 
@@ -15,7 +16,12 @@ ROUNDING = 1e-9  # s, ticks' times are sums of floats
 
 @njit(cache=True)
 def survey_crew(
-    crew: Crew, sensed: CrewView, neighbour_distance: float, command_lifetime: float
+    crew: Crew,
+    sensed: CrewView,
+    neighbour_distance: float,
+    command_lifetime: float,
+    position: Array,
+    near: Neighbours,
 ) -> IntArray:
     """Decide for each robot with whom it decides, and who leads.
 
@@ -25,25 +31,25 @@ def survey_crew(
         sensed: what the view says.
         neighbour_distance: two robots nearer than this are neighbours [m].
         command_lifetime: a remote command is repeated so long after the link is lost [s].
+        position: ``(N, 2)`` of the crew [m].
+        near: within ``neighbour_distance`` or farther.
 
     Returns:
         ``(N,)`` robot numbers, the one that goes first in front.
     """
     n = crew.shape[0]
-    position = np.empty((n, 2))
     heard, joint = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     wants, busy = np.empty(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
     demoted = np.empty(n, dtype=np.bool_)
     for i in range(n):
         robot = crew[i]
-        position[i, 0], position[i, 1] = robot.pose[0], robot.pose[1]
         heard[i] = robot.heard
         joint[i] = robot.heard and sensed.leader_link[i]
         wants[i] = robot.present and np.isfinite(robot.target[0])
         busy[i] = robot.active and robot.present
         demoted[i] = robot.demoted_until > sensed.time
     key = precedence(busy, wants, demoted, sensed.rank)
-    cluster = connected_clusters(position, heard, neighbour_distance)
+    cluster = connected_clusters(position, heard, neighbour_distance, near)
     leader = elect_leaders(cluster, joint, sensed.active, key)
     for i in range(n):
         robot = crew[i]
@@ -52,7 +58,7 @@ def survey_crew(
         fill_link_loss(
             robot, sensed.velocity[i, 0], sensed.leader_link[i], sensed.time, command_lifetime
         )
-    return sorted_by(key)
+    return np.argsort(key, kind="mergesort")
 
 
 @njit(cache=True)
@@ -82,17 +88,3 @@ def fill_link_loss(
     if robot.present and not robot.heard:
         halted = True
     robot.hold, robot.halted, robot.on_its_own = hold, halted, alone
-
-
-@njit(cache=True)
-def sorted_by(key: IntArray) -> IntArray:
-    """Sort robot numbers ``(N,)`` by ascending key; keys differ (insertion sort, N is small)."""
-    n = key.shape[0]
-    order = np.empty(n, dtype=np.int64)
-    for i in range(n):
-        place = i
-        while place > 0 and key[order[place - 1]] > key[i]:
-            order[place] = order[place - 1]
-            place -= 1
-        order[place] = i
-    return order

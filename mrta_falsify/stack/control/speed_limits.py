@@ -12,9 +12,10 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.compiled import njit
-from mrta_falsify.stack.control.barrier import HUMAN, OBSTACLE, Movers, Things
+from mrta_falsify.core.neighbours import Neighbours
+from mrta_falsify.stack.control.barrier import Movers
 from mrta_falsify.stack.control.barrier_options import CbfOptions
-from mrta_falsify.stack.control.obstacles import ROBOT_RANGE
+from mrta_falsify.stack.control.obstacles import ROBOT_RANGE, Clearances, Things, is_in_sight
 
 #: of the present distance: a robot inside a gap may come no nearer, but may leave sideways
 HELD_SHARE = 0.98
@@ -128,79 +129,78 @@ def _must_halt(person: _Offset, contact: float, stop_gap: float) -> bool:
 
 @njit(cache=True)
 def _fill_limits_by_robots(
-    i: int, movers: Movers, limits: SpeedRange, min_gap: float, share: float
+    i: int, movers: Movers, limits: SpeedRange, min_gap: float, share: float, near: Neighbours
 ) -> None:
     """Lower the limits of robot ``i`` by the ways that it and the others brake."""
-    ux, uy = movers.direction[i]
+    pose, velocity = movers.pose, movers.velocity
+    ux, uy = movers.direction[i, 0], movers.direction[i, 1]
     braking = share * movers.max_acceleration[i]
-    for j in range(movers.known.shape[0]):
-        if j == i or not movers.known[j]:
+    low, high = limits.low[i], limits.high[i]
+    for m in range(near.first[i], near.first[i + 1]):
+        j = near.number[m]
+        dx, dy = pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1]
+        if not movers.known[j] or dx * dx + dy * dy > ROBOT_RANGE * ROBOT_RANGE:
             continue
-        dx = movers.pose[j, 0] - movers.pose[i, 0]
-        dy = movers.pose[j, 1] - movers.pose[i, 1]
-        if dx * dx + dy * dy > ROBOT_RANGE * ROBOT_RANGE:
-            continue
-        other = movers.velocity[j, 0] * ux + movers.velocity[j, 1] * uy
+        other = velocity[j, 0] * ux + velocity[j, 1] * uy
         rest = other * abs(other) / (2.0 * share * movers.max_acceleration[j])
         way = _along(dx, dy, ux, uy, min_gap)
-        limits.high[i] = min(limits.high[i], np.sqrt(2.0 * braking * max(way + rest, 0.0)))
+        high = min(high, np.sqrt(2.0 * braking * max(way + rest, 0.0)))
         way = _along(dx, dy, -ux, -uy, min_gap)
-        limits.low[i] = max(limits.low[i], -np.sqrt(2.0 * braking * max(way - rest, 0.0)))
+        low = max(low, -np.sqrt(2.0 * braking * max(way - rest, 0.0)))
+    limits.low[i], limits.high[i] = low, high
 
 
 @njit(cache=True)
 def speed_limits(
-    movers: Movers,
-    things: Things,
-    human_radius: Array,
-    min_gap_robot: float,
-    margins: SpeedMargins,
-    dt: float,
+    movers: Movers, things: Things, clearances: Clearances, margins: SpeedMargins, dt: float
 ) -> SpeedRange:
     """Find how fast each robot may go.
 
     Args:
         movers: all robots.
         things: what they keep clear of.
-        human_radius: ``(H,)`` [m].
-        min_gap_robot: [m].
+        clearances: by how much.
         margins: what keeps them able to stop.
         dt: control period [s].
     """
-    n, t = things.kind.shape
-    sectors = t - human_radius.shape[0] - n
+    point, people, seen_from, pose = things.point, things.people, things.seen_from, movers.pose
+    n, sectors = point.shape[0], point.shape[1]
     limits = SpeedRange(
         -np.minimum(movers.max_speed, margins.reverse_speed),
         movers.max_speed.copy(),
         np.zeros(n, dtype=np.bool_),
         np.full(n, np.inf),
     )
-    delay = margins.reaction_time + dt
+    delay, clear = margins.reaction_time + dt, margins.human_clearance
     for i in range(n):
         braking = margins.braking_share * movers.max_acceleration[i]
-        ux, uy = movers.direction[i]
-        for k in range(t):
-            kind, s = things.kind[i, k], things.seen_from[i, k]
-            if kind not in (OBSTACLE, HUMAN):
+        ux, uy = movers.direction[i, 0], movers.direction[i, 1]
+        low, high, nearest = limits.low[i], limits.high[i], np.inf
+        for k in range(sectors):
+            if movers.group[i] < 0 or not np.isfinite(point[i, k, 0]):
                 continue
-            dx = things.position[i, k, 0] - movers.pose[s, 0]
-            dy = things.position[i, k, 1] - movers.pose[s, 1]
-            if kind == OBSTACLE:
-                limits.nearest[i] = min(limits.nearest[i], np.sqrt(dx * dx + dy * dy))
-                gap = things.gap[i, k]
-                front = np.sqrt(2.0 * braking * _along(dx, dy, ux, uy, gap))
-                back = np.sqrt(2.0 * braking * _along(dx, dy, -ux, -uy, gap))
-            else:
-                person = _Offset(dx, dy, things.velocity[i, k, 0], things.velocity[i, k, 1])
-                contact = margins.body_radius + human_radius[k - sectors]
-                surface = np.sqrt(dx * dx + dy * dy) - human_radius[k - sectors]
-                limits.nearest[i] = min(limits.nearest[i], surface)
-                clear = margins.human_clearance
-                front = _human_limit(person, ux, uy, contact, clear, braking, delay)
-                back = _human_limit(person, -ux, -uy, contact, clear, braking, delay)
-                if _must_halt(person, contact, margins.human_stop):
-                    limits.halt[i] = True
-            limits.high[i] = min(limits.high[i], front)
-            limits.low[i] = max(limits.low[i], -back)
-        _fill_limits_by_robots(i, movers, limits, min_gap_robot, margins.braking_share)
+            s = seen_from[i, k] if len(seen_from) else i
+            dx, dy = point[i, k, 0] - pose[s, 0], point[i, k, 1] - pose[s, 1]
+            nearest = min(nearest, np.sqrt(dx * dx + dy * dy))
+            front = _along(dx, dy, ux, uy, clearances.obstacle)
+            back = _along(dx, dy, -ux, -uy, clearances.obstacle)
+            high = min(high, np.sqrt(2.0 * braking * front))
+            low = max(low, -np.sqrt(2.0 * braking * back))
+        for k in range(people.radius.shape[0]):
+            if movers.group[i] < 0 or not is_in_sight(people.position, i, pose, k):
+                continue
+            s = seen_from[i, sectors + k] if len(seen_from) else i
+            dx, dy = people.position[k, 0] - pose[s, 0], people.position[k, 1] - pose[s, 1]
+            person = _Offset(dx, dy, people.velocity[k, 0], people.velocity[k, 1])
+            contact = margins.body_radius + people.radius[k]
+            nearest = min(nearest, np.sqrt(dx * dx + dy * dy) - people.radius[k])
+            front = _human_limit(person, ux, uy, contact, clear, braking, delay)
+            back = _human_limit(person, -ux, -uy, contact, clear, braking, delay)
+            high, low = min(high, front), max(low, -back)
+            if _must_halt(person, contact, margins.human_stop):
+                limits.halt[i] = True
+        limits.low[i], limits.high[i], limits.nearest[i] = low, high, nearest
+        _fill_limits_by_robots(
+            i, movers, limits, clearances.robot, margins.braking_share, things.near
+        )
     return limits

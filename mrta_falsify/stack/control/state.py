@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours
 from mrta_falsify.core.polyline import Polylines
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.core.world import CRUISE
@@ -23,6 +24,7 @@ RANGE = 3.0  # m, farther points never matter: a robot stops within 1.5 m
 SAME_POINT = 0.15  # m, a new hit this near an old point of its sector replaces it
 NO_PLACES = Polylines.of([])
 BODY = 0.28  # m, points this near another robot's centre are that robot
+MET = RANGE + BODY  # m, a robot farther than this has no point on it that another one keeps
 
 #: one record a robot; it has no padding, so that equal states have equal bytes
 ROBOT_RECORD = np.dtype(
@@ -192,10 +194,13 @@ def _sector_of(dx: float, dy: float, sectors: int) -> int:
 
 
 @njit(cache=True)
-def _is_on_another(i: int, x: float, y: float, position: Array, known: BoolArray) -> bool:
+def _is_on_another(
+    i: int, x: float, y: float, position: Array, known: BoolArray, near: Neighbours
+) -> bool:
     """Whether (x, y) is on the body of a robot other than ``i``."""
-    for j in range(position.shape[0]):
-        if j != i and known[j]:
+    for m in range(near.first[i], near.first[i + 1]):
+        j = near.number[m]
+        if known[j]:
             dx, dy = x - position[j, 0], y - position[j, 1]
             if dx * dx + dy * dy < BODY * BODY:
                 return True
@@ -211,6 +216,7 @@ def remember_points(
     known: BoolArray,
     now: float,
     horizon: float,
+    near: Neighbours,
 ) -> tuple[Array, Array]:
     """Keep seen points: twelve rays miss corners that a moving robot's rays swept before.
 
@@ -222,6 +228,7 @@ def remember_points(
         known: ``(N,)`` robots whose position the others know; hits on them are left out.
         now: [s].
         horizon: older points are forgotten [s].
+        near: robots within ``MET`` or farther.
     """
     n, sectors = seen_at.shape
     new_point = np.full((n, sectors, 2), np.inf)
@@ -229,9 +236,10 @@ def remember_points(
     nearest = np.empty(sectors)
     for i in range(n):
         x, y = position[i, 0], position[i, 1]
-        nearest[:] = RANGE
         for k in range(sectors):
-            px, py = point[i, k]
+            nearest[k] = RANGE
+        for k in range(sectors):
+            px, py = point[i, k, 0], point[i, k, 1]
             if now - seen_at[i, k] > horizon or not np.isfinite(px):
                 continue
             dx, dy = px - x, py - y
@@ -239,18 +247,18 @@ def remember_points(
             sector = _sector_of(dx, dy, sectors)
             if distance < nearest[sector]:
                 nearest[sector] = distance
-                new_point[i, sector] = point[i, k]
+                new_point[i, sector, 0], new_point[i, sector, 1] = px, py
                 new_seen[i, sector] = seen_at[i, k]
         for k in range(hits.shape[1]):
-            px, py = hits[i, k]
+            px, py = hits[i, k, 0], hits[i, k, 1]
             if not (np.isfinite(px) and np.isfinite(py)):
                 continue
             dx, dy = px - x, py - y
             distance = np.sqrt(dx * dx + dy * dy)
-            if distance >= RANGE or _is_on_another(i, px, py, position, known):
+            if distance >= RANGE or _is_on_another(i, px, py, position, known, near):
                 continue
             sector = _sector_of(dx, dy, sectors)
-            old_x, old_y = new_point[i, sector]
+            old_x, old_y = new_point[i, sector, 0], new_point[i, sector, 1]
             same = (old_x - px) ** 2 + (old_y - py) ** 2 < SAME_POINT * SAME_POINT
             if same or distance < nearest[sector]:
                 nearest[sector] = distance

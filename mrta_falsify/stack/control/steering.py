@@ -16,6 +16,7 @@ from mrta_falsify.core import registry
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.config import Choice
+from mrta_falsify.core.neighbours import neighbours_within
 from mrta_falsify.core.protocols import ControlView
 from mrta_falsify.stack.control.barrier import (
     ROBOT,
@@ -26,14 +27,16 @@ from mrta_falsify.stack.control.barrier import (
     fill_pair_rows,
     input_box,
     kind_table,
+    reach_of_pairs,
     room_for_rows,
 )
 from mrta_falsify.stack.control.barrier_options import CbfOptions
 from mrta_falsify.stack.control.dynamics import Dynamics, Motion, NominalInput
 from mrta_falsify.stack.control.obstacles import (
+    ROBOT_RANGE,
     Clearances,
+    Things,
     clearances_of,
-    list_things,
     seen_by_wrong_robot,
 )
 from mrta_falsify.stack.control.qp import Demand, FleetInputs, solve_fleet
@@ -217,34 +220,27 @@ def _fill_program(
     )
     people, dt, drives_along = people_in(sensed), sensed.dt, motion.drives_along
     loads = sensed.active & np.isnan(sensed.target[:, 0])
-    things = list_things(movers, points, people, _whole_against(loads, share), clearances)
+    kind, gap = kinds[ROBOT], clearances.robot
+    near = neighbours_within(pose, max(ROBOT_RANGE, reach_of_pairs(movers, kind, gap)))
+    seen_from = np.empty((0, 0), dtype=np.int64)
     if law[3]:
-        wrong = seen_by_wrong_robot(things.seen_from, things.kind, movers.group)
-        things.seen_from[:] = wrong
-    gap = clearances.robot
-    speeds = speed_limits(movers, things, people.radius, gap, margins, dt)
-    limits.low_speed[:], limits.high_speed[:] = speeds.low, speeds.high
+        seen_from = seen_by_wrong_robot(points, people, pose, group)
+    things = Things(points, people, near, share, loads, seen_from)
+    speeds = speed_limits(movers, things, clearances, margins, dt)
+    low, high = input_box(movers.limit, movers.speed, speeds.low, speeds.high, dt, drives_along)
     for i in range(points.shape[0]):
+        limits.low_speed[i], limits.high_speed[i] = speeds.low[i], speeds.high[i]
         limits.halt[i] = speeds.halt[i]
         limits.tight[i] = speeds.nearest[i] < margins.body_radius + TIGHT
-    low, high = input_box(movers.limit, movers.speed, speeds.low, speeds.high, dt, drives_along)
-    limits.low[:], limits.high[:] = low, high
-    fill_own_rows(movers, low, high, things, kinds, rows)
-    fill_pair_rows(movers, low, high, kinds[ROBOT], gap, rows)
+        for c in range(2):
+            limits.low[i, c], limits.high[i, c] = low[i, c], high[i, c]
+    fill_own_rows(movers, low, high, things, clearances, kinds, rows)
+    fill_pair_rows(movers, low, high, kind, gap, near, rows)
     _bring_within_reach(inputs, limits, motion.speed, dt, drives_along)
-    for robot in np.nonzero(loads)[0]:
-        limits.low[robot], limits.high[robot] = inputs[robot], inputs[robot]
-
-
-@njit(cache=True)
-def _whole_against(loads: BoolArray, share: Array) -> Array:
-    """Let a robot that loads ``(N,)`` stay where it is: others take the whole of a demand."""
-    if not loads.any():
-        return share
-    result = share.copy()
-    for i in np.nonzero(loads)[0]:
-        result[:, i] = 1.0
-    return result
+    for i in range(points.shape[0]):
+        if loads[i]:
+            for c in range(2):
+                limits.low[i, c] = limits.high[i, c] = inputs[i, c]
 
 
 @njit(cache=True)
