@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from mrta_falsify.core.costmap import INSCRIBED, LETHAL, UNKNOWN, Costmap
 from mrta_falsify.stack.planning import search_kernels as kernels
 
 _BLOCKED = 2**16 - 1  # while pooling: dearer than any price
+KEPT_KINDS = 2  # robots and people may plan on grids of different prices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,16 +65,47 @@ def build_grid(
     Returns:
         The grid; cells of cost 253 and 254 are blocked.
     """
+    factor = max(1, round(resolution / costmap.resolution))
+    table, size = _price_table(cost_weight, allow_unknown), factor * costmap.resolution
+    corner = costmap.origin - size
+    if factor > 1:
+        pooled = _pool(table[costmap.cost], factor)
+        return PlanningGrid(_bordered(np.where(pooled == _BLOCKED, 0, pooled)), size, corner)
+    table[table == _BLOCKED] = 0
+    like = costmap.cost.shape, table.tobytes()
+    if like in _last_built:
+        before, prices = _last_built.pop(like)
+        prices = prices.copy()
+        changed = np.flatnonzero(costmap.cost != before)
+        row, col = np.divmod(changed, before.shape[1])
+        prices[row + 1, col + 1] = table[costmap.cost.ravel()[changed]]
+    else:
+        prices = _bordered(table[costmap.cost])
+    _last_built[like] = costmap.cost, prices
+    if len(_last_built) > KEPT_KINDS:
+        _last_built.popitem(last=False)
+    return PlanningGrid(prices, size, corner)
+
+
+#: by shape and prices: the costs and prices of the grid that was built last; most maps of an
+#: episode differ from it in a few windows only
+_last_built: OrderedDict[tuple[tuple[int, ...], bytes], tuple[ByteArray, kernels.Prices]] = (
+    OrderedDict()
+)
+
+
+def _price_table(cost_weight: float, allow_unknown: bool) -> kernels.Prices:
+    """Give the price of each cost (256,)."""
     cost = np.arange(256)
     cost[UNKNOWN] = INSCRIBED - 1 if allow_unknown else LETHAL
     scaled = kernels.PRICE * (1.0 + cost_weight * cost / (INSCRIBED - 1))
-    table = np.where(cost < INSCRIBED, np.rint(scaled), _BLOCKED).astype(np.uint16)
-    factor = max(1, round(resolution / costmap.resolution))
-    pooled = _pool(table[costmap.cost], factor)
-    prices = np.zeros((pooled.shape[0] + 2, pooled.shape[1] + 2), dtype=np.uint16)
-    prices[1:-1, 1:-1] = np.where(pooled == _BLOCKED, 0, pooled)
-    size = factor * costmap.resolution
-    return PlanningGrid(prices, size, costmap.origin - size)
+    return np.where(cost < INSCRIBED, np.rint(scaled), _BLOCKED).astype(np.uint16)
+
+
+def _bordered(values: kernels.Prices) -> kernels.Prices:
+    prices = np.zeros((values.shape[0] + 2, values.shape[1] + 2), dtype=np.uint16)
+    prices[1:-1, 1:-1] = values
+    return prices
 
 
 def lethal_cells(costmap: Costmap, grid: PlanningGrid) -> kernels.Marks:
