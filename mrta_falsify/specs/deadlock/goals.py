@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.arrays import Array, BoolArray
+from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.plane import inside
 from mrta_falsify.core.world import Resource, World
 
@@ -82,9 +83,22 @@ class GoalMap:
 
 def is_inside(world: World, resource: Resource, position: Array) -> bool:
     """Whether ``position`` ``(2,)`` [m] is in the very place that the resource guards."""
-    if resource.room is not None:
-        room = world.rooms[resource.room]
-        if np.hypot(*(room.point - position)) <= ROOM_CORE:
-            return True
-        return inside(room.area, position)
-    return inside(resource.release_area, position)
+    return bool(are_inside(world, resource, np.reshape(position, (1, 2)))[0])
+
+
+def are_inside(world: World, resource: Resource, positions: Array) -> BoolArray:
+    """Say which ``positions`` ``(N, 2)`` [m] are in the very place that the resource guards."""
+    if resource.room is None:
+        return inside_each(np.asarray(resource.release_area), positions)
+    room = world.rooms[resource.room]
+    near = np.hypot(*(room.point - positions).T) <= ROOM_CORE
+    return np.asarray(near | inside_each(np.asarray(room.area), positions))
+
+
+@njit(cache=True)
+def inside_each(polygon: Array, positions: Array) -> BoolArray:
+    """Say which ``positions`` ``(N, 2)`` lie in a polygon ``(V, 2)``, as :func:`~.plane.inside`."""
+    result = np.empty(len(positions), dtype=np.bool_)
+    for i in range(len(positions)):
+        result[i] = inside(polygon, positions[i])
+    return result

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
-
 import numpy as np
 
-from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.plane import inside
-from mrta_falsify.core.world import Resource
-from mrta_falsify.specs.deadlock.goals import Goal, is_inside
+from mrta_falsify.specs.deadlock.goals import Goal, are_inside, inside_each
 from mrta_falsify.specs.deadlock.service_clock import AT_GOAL
-from mrta_falsify.specs.deadlock.snapshot import FleetSnapshot
-
-Claim = Literal["inside", "entering", "coming", "leaving", "none"]
+from mrta_falsify.specs.deadlock.snapshot import Claim, FleetSnapshot
 
 
 def queue_edges(fleet: FleetSnapshot, i: int, goal: Goal) -> list[BlockedBy]:
@@ -63,24 +57,18 @@ def _occupants(fleet: FleetSnapshot, i: int, goal: Goal) -> list[int]:
     return users["inside"] + users["entering"] or users["leaving"] or users["coming"]
 
 
-def _users(fleet: FleetSnapshot, number: int) -> dict[str, list[int]]:
-    """Sort the robots by how they use the resource ``number``."""
-    resource = fleet.world.resources[number]
-    users: dict[str, list[int]] = {claim: [] for claim in get_args(Claim)}
-    for j, position in enumerate(fleet.position):
-        users[_claim(fleet, j, position, number, resource)].append(j)
-    return users
-
-
-def _claim(fleet: FleetSnapshot, j: int, position: Array, number: int, resource: Resource) -> Claim:
-    """Tell how robot ``j`` uses the resource ``number``; to wait for it is not to use it."""
-    goal = fleet.goal[j]
-    if goal is not None and goal.kind == "spot" and goal.resource == number:
-        return "none"
-    heads_in = goal is not None and goal.kind == "room" and goal.resource == number
-    near = inside(resource.release_area, position)
-    if is_inside(fleet.world, resource, position):
-        return "inside"
-    if heads_in:
-        return "entering" if near else "coming"
-    return "leaving" if near and not fleet.is_idle(j) else "none"
+def _users(fleet: FleetSnapshot, number: int) -> dict[Claim, list[int]]:
+    """Sort the robots by how they use the resource ``number``; to wait for it is not to use it."""
+    resource, position = fleet.world.resources[number], fleet.position
+    aims = [goal.kind if goal and goal.resource == number else "" for goal in fleet.goal]
+    waits, heads_in = np.array([(kind == "spot", kind == "room") for kind in aims]).T
+    is_in = are_inside(fleet.world, resource, position) & ~waits
+    outside = ~is_in & ~waits
+    near = inside_each(np.asarray(resource.release_area), position)
+    leaving = (outside & near & ~heads_in).nonzero()[0].tolist()
+    return {
+        "inside": is_in.nonzero()[0].tolist(),
+        "entering": (outside & near & heads_in).nonzero()[0].tolist(),
+        "coming": (outside & ~near & heads_in).nonzero()[0].tolist(),
+        "leaving": [j for j in leaving if not fleet.is_idle(j)],
+    }

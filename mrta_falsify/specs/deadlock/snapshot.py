@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.fleet import Intent, Sensed
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.deadlock.goals import Goal
+
+Claim = Literal["inside", "entering", "coming", "leaving"]  #: how a robot uses a resource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,7 +29,7 @@ class FleetSnapshot:
     goal: tuple[Goal | None, ...]  #: N meanings of the goals, None: no goal
     at_goal: BoolArray  #: (N,)
     #: by number of a resource: its users by their claim, as far as they were asked for
-    users: dict[int, dict[str, list[int]]] = field(default_factory=dict)
+    users: dict[int, dict[Claim, list[int]]] = field(default_factory=dict)
 
     def is_idle(self, i: int) -> bool:
         """Whether robot ``i`` waits for a task: without a goal, or parked."""
