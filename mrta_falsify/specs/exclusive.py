@@ -202,7 +202,25 @@ def _margin(spaces: _Spaces, k: int, pose: Array, uses: BoolArray) -> float:
 
     ``uses`` ``(N,)``: robots that count.
     """
-    area = spaces.corners[spaces.first[k] : spaces.first[k + 1]]
-    distance = np.where(uses, signed_distances(area, pose), np.inf)
-    margin: float = np.sort(distance)[spaces.capacity[k]]
+    area, box = spaces.corners[spaces.first[k] : spaces.first[k + 1]], spaces.box[k]
+    last = spaces.capacity[k]
+    nearest = np.full(last + 1, np.inf)  # distances of so many robots, ascending
+    for i in range(len(pose)):
+        if not uses[i] or _gap_to_box(box, pose[i, 0], pose[i, 1]) > nearest[last] + ROUNDING:
+            continue
+        distance, place = signed_distances(area, pose[i : i + 1])[0], last
+        while place >= 0 and distance < nearest[place]:
+            if place < last:
+                nearest[place + 1] = nearest[place]
+            nearest[place] = distance
+            place -= 1
+    margin: float = nearest[last]
     return margin
+
+
+@njit(cache=True)
+def _gap_to_box(box: Array, x: float, y: float) -> float:
+    """Measure how far (x, y) is from a box (2, 2), least x, y first [m]; inside -inf."""
+    dx = max(box[0, 0] - x, x - box[1, 0], 0.0)
+    dy = max(box[0, 1] - y, y - box[1, 1], 0.0)
+    return np.hypot(dx, dy) if dx > 0.0 or dy > 0.0 else -np.inf
