@@ -10,6 +10,7 @@ from mrta_falsify.core import seeding
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.fleet import BlockedBy
+from mrta_falsify.core.neighbours import neighbours_within
 from mrta_falsify.core.world import World
 from simulator_interface.engines.gaps import Obstructions
 from simulator_interface.engines.kinematic import KinematicEngine, _fill_hindrance
@@ -35,10 +36,11 @@ class ShiftingKinematic(KinematicEngine):
     def _shifted(self, i: int, around: Obstructions, random: np.random.Generator) -> Array:
         body = np.empty_like(around.prints.outline[i])
         now, then = np.zeros(4), np.zeros(4)
-        _fill_hindrance(i, self._pose, self._pose[i], around, body, now)
+        near = neighbours_within(self._pose, 2.0 * (float(around.prints.reach.max()) + SHIFT))
+        _fill_hindrance(i, self._pose, self._pose[i], around, near, body, now)
         for _ in range(ATTEMPTS):
             there = self._pose[i] + random.uniform(-1.0, 1.0, 3) * [SHIFT, SHIFT, TURN]
-            _fill_hindrance(i, self._pose, there, around, body, then)
+            _fill_hindrance(i, self._pose, there, around, near, body, then)
             if (then >= now).all():
                 return np.asarray(there)
         return self._pose[i].copy()

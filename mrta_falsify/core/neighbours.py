@@ -13,6 +13,7 @@ import numpy as np
 from mrta_falsify.core.arrays import Array, IntArray
 from mrta_falsify.core.compiled import njit
 
+FEW = 150  # points, of which to compare all pairs costs less than to sort them into cells
 ROOM = 16  # neighbours each, for which there is room at first
 
 
@@ -33,32 +34,33 @@ def neighbours_within(position: Array, radius: float) -> Neighbours:
     """List for each point which others are nearer than ``radius``.
 
     The cells of the hash are as wide as the radius, and there are as many buckets as points. So a
-    point far away from all others costs no more than any other.
+    point far away from all others costs no more than any other. Few points are in one cell.
 
     Args:
         position: ``(N, 2)`` [m], finite; further columns are not read.
         radius: [m], > 0.
     """
     n = position.shape[0]
+    cell, buckets, around = (radius, n, 1) if n > FEW else (np.inf, 1, 0)
     col, row = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    begin, member = np.zeros(n + 1, dtype=np.int64), np.empty(n, dtype=np.int64)
+    begin, member = np.zeros(buckets + 1, dtype=np.int64), np.empty(n, dtype=np.int64)
     for i in range(n):
-        col[i] = int(np.floor(position[i, 0] / radius))
-        row[i] = int(np.floor(position[i, 1] / radius))
-        begin[_bucket(col[i], row[i], n)] += 1
-    for k in range(n):
+        col[i] = int(np.floor(position[i, 0] / cell))
+        row[i] = int(np.floor(position[i, 1] / cell))
+        begin[_bucket(col[i], row[i], buckets)] += 1
+    for k in range(buckets):
         begin[k + 1] += begin[k]
     for i in range(n - 1, -1, -1):
-        k = _bucket(col[i], row[i], n)
+        k = _bucket(col[i], row[i], buckets)
         begin[k] -= 1
         member[begin[k]] = i
     first, number = np.zeros(n + 1, dtype=np.int64), np.empty(ROOM * n, dtype=np.int64)
     count = 0
     for i in range(n):
         start = count
-        for c in range(col[i] - 1, col[i] + 2):
-            for r in range(row[i] - 1, row[i] + 2):
-                k = _bucket(c, r, n)
+        for c in range(col[i] - around, col[i] + around + 1):
+            for r in range(row[i] - around, row[i] + around + 1):
+                k = _bucket(c, r, buckets)
                 for m in range(begin[k], begin[k + 1]):
                     j = member[m]
                     if j == i or col[j] != c or row[j] != r:

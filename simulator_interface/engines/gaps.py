@@ -13,6 +13,7 @@ import numpy as np
 
 from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.compiled import njit
+from mrta_falsify.core.neighbours import Neighbours, neighbours_within
 from simulator_interface.engines.rays import EdgeGrid
 
 FAR = 5.0  # m; gaps beyond are reported as inf
@@ -27,6 +28,8 @@ class Footprints(NamedTuple):
     corners: IntArray  #: (N,) corners that count
     reach: Array  #: (N,) largest distance of a corner from the robot's origin [m]
     placed: Array  #: (N, V, 2) as placed last, map frame [m]
+    near_robot: IntArray  #: (N,) that was nearest last, -1: none; it is measured first to save work
+    near_edge: IntArray  #: (N,) of the grid, likewise
 
 
 class Solids(NamedTuple):
@@ -149,12 +152,13 @@ def polygon_gap(one: Array, n_one: int, other: Array, n_other: int, cutoff: floa
 
 
 @njit(cache=True)
-def polygon_edge_gap(polygon: Array, corners: int, edge: Array, cutoff: float) -> float:
+def polygon_edge_gap(
+    polygon: Array, corners: int, ax: float, ay: float, bx: float, by: float, cutoff: float
+) -> float:
     """Measure the gap of a convex polygon to an edge, solid on its left; negative: depth.
 
-    From ``cutoff`` [m] on it is not exact.
+    The edge leads from (ax, ay) to (bx, by). From ``cutoff`` [m] on the gap is not exact.
     """
-    ax, ay, bx, by = edge[0], edge[1], edge[2], edge[3]
     ex, ey = bx - ax, by - ay
     length = math.sqrt(ex * ex + ey * ey)
     if length == 0.0:
@@ -193,7 +197,7 @@ def blocks_gap(edges: Array, placed: Array, corners: int, x: float, y: float) ->
     best, nearest, inside = np.inf, np.inf, False
     for e in range(len(edges)):
         ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
-        best = min(best, polygon_edge_gap(placed, corners, edges[e], best))
+        best = min(best, polygon_edge_gap(placed, corners, ax, ay, bx, by, best))
         nearest = min(nearest, _point_segment(x, y, ax, ay, bx, by))
         if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
             inside = not inside
@@ -229,13 +233,22 @@ def static_gap(
     best = cutoff
     if len(extra):
         best = min(best, blocks_gap(extra, polygon, corners, x, y))
+    return _grid_gap(grid, polygon, corners, x, y, reach, best)[0]
+
+
+@njit(cache=True)
+def _grid_gap(
+    grid: EdgeGrid, polygon: Array, corners: int, x: float, y: float, reach: float, best: float
+) -> tuple[float, int]:
+    """Do as :func:`static_gap` from ``best`` [m] on; gives the edge, too, -1: none."""
     edges, cell = grid.edges, grid.cell
     gx, gy = (x - grid.origin[0]) / cell, (y - grid.origin[1]) / cell
     col, row = math.floor(gx), math.floor(gy)
     if not (0 <= col < grid.cols and 0 <= row < grid.rows):
         for i in range(len(edges)):
-            best = min(best, polygon_edge_gap(polygon, corners, edges[i], best))
-        return best
+            ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+            best = min(best, polygon_edge_gap(polygon, corners, ax, ay, bx, by, best))
+        return best, -1
     border = cell * min(gx - col, col + 1 - gx, gy - row, row + 1 - gy)
     nearest = -1  # an edge may lie in several cells
     for ring in range(max(grid.rows, grid.cols)):
@@ -253,32 +266,75 @@ def static_gap(
                     ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
                     if i == nearest or _point_segment(x, y, ax, ay, bx, by) - reach >= best:
                         continue
-                    found = polygon_edge_gap(polygon, corners, edges[i], best)
+                    found = polygon_edge_gap(polygon, corners, ax, ay, bx, by, best)
                     if found < best:
                         best, nearest = found, i
-    return best
+    return best, nearest
+
+
+@njit(cache=True)
+def _bound_by(gap: float) -> float:
+    """Give what the least gap is surely below, since one thing is at ``gap``; inf: overlaps.
+
+    Of depths, unlike of distances, circles around the bodies tell nothing.
+    """
+    return gap + ROUNDING * (1.0 + gap) if gap > 0.0 else np.inf
 
 
 @njit(cache=True)
 def _fill_robot_gaps(
-    i: int, pose: Array, prints: Footprints, gap: Array, nearest: IntArray
+    pose: Array, prints: Footprints, gap: Array, nearest: IntArray, near: Neighbours
 ) -> None:
-    """Lower the gaps between robot ``i`` and those of larger numbers."""
-    for j in range(i + 1, len(pose)):
-        apart = math.hypot(pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1])
-        apart = apart - prints.reach[i] - prints.reach[j]
-        cutoff = max(gap[i, ROBOT], gap[j, ROBOT])
-        if apart >= cutoff:
-            continue
-        found = polygon_gap(
-            prints.placed[i], prints.corners[i], prints.placed[j], prints.corners[j], cutoff
-        )
-        if found < gap[i, ROBOT]:
-            gap[i, ROBOT] = found
-            nearest[i, ROBOT] = j
-        if found < gap[j, ROBOT]:
-            gap[j, ROBOT] = found
-            nearest[j, ROBOT] = i
+    """Lower the gaps between robots.
+
+    At the first look of a tick the gap to the robot that was nearest last bounds the least one from
+    above, so that most others are known to be farther without being measured.
+    """
+    n, placed, corners, reach = len(pose), prints.placed, prints.corners, prints.reach
+    bound = np.empty(n)
+    for i in range(n):
+        bound[i], j = gap[i, ROBOT], prints.near_robot[i]
+        if j >= 0 and gap[i, ROBOT] >= FAR:
+            found = polygon_gap(placed[i], corners[i], placed[j], corners[j], np.inf)
+            bound[i] = min(bound[i], _bound_by(found))
+    for i in range(n):
+        body, count = placed[i], corners[i]
+        for m in range(near.first[i], near.first[i + 1]):
+            j = near.number[m]
+            if j < i:
+                continue
+            cutoff = max(min(gap[i, ROBOT], bound[i]), min(gap[j, ROBOT], bound[j]))
+            apart = math.hypot(pose[j, 0] - pose[i, 0], pose[j, 1] - pose[i, 1])
+            if apart - reach[i] - reach[j] >= cutoff:
+                continue
+            found = polygon_gap(body, count, placed[j], corners[j], cutoff)
+            if found >= cutoff:
+                continue
+            if found < gap[i, ROBOT]:
+                gap[i, ROBOT], nearest[i, ROBOT], prints.near_robot[i] = found, j, j
+            if found < gap[j, ROBOT]:
+                gap[j, ROBOT], nearest[j, ROBOT], prints.near_robot[j] = found, i, i
+
+
+@njit(cache=True)
+def _fill_static_gap(i: int, pose: Array, prints: Footprints, solids: Solids, gap: Array) -> None:
+    """Lower the gap of robot ``i`` to solids, by way of the edge that was nearest last."""
+    placed, corners, edge = prints.placed[i], prints.corners[i], prints.near_edge[i]
+    edges, x, y = solids.grid.edges, pose[i, 0], pose[i, 1]
+    best = gap[i, STATIC]
+    if len(solids.extra):
+        best = min(best, blocks_gap(solids.extra, placed, corners, x, y))
+    bound = best
+    if edge >= 0 and best >= FAR:
+        ax, ay, bx, by = edges[edge, 0], edges[edge, 1], edges[edge, 2], edges[edge, 3]
+        found = polygon_edge_gap(placed, corners, ax, ay, bx, by, np.inf)
+        bound = min(bound, _bound_by(found))
+    found, edge = _grid_gap(solids.grid, placed, corners, x, y, prints.reach[i], bound)
+    if found < bound:
+        best = found
+    if edge >= 0:
+        prints.near_edge[i] = edge
+    gap[i, STATIC] = best
 
 
 @njit(cache=True)
@@ -304,13 +360,15 @@ def fill_gaps(
         The least entry of ``gap`` [m].
     """
     n = len(pose)
-    least = np.inf
+    least, widest = np.inf, 0.0
     placed, corners, reach = prints.placed, prints.corners, prints.reach
     for i in range(n):
         place_outline(prints.outline[i], corners[i], pose[i], placed[i])
+        widest = max(widest, reach[i])
+    near = neighbours_within(pose, FAR + 2.0 * widest + ROUNDING)
+    _fill_robot_gaps(pose, prints, gap, nearest, near)
     for i in range(n):
         x, y = pose[i, 0], pose[i, 1]
-        _fill_robot_gaps(i, pose, prints, gap, nearest)
         for h in range(len(people.position)):
             hx, hy = people.position[h, 0], people.position[h, 1]
             apart = math.hypot(hx - x, hy - y) - reach[i] - people.radius[h]
@@ -320,9 +378,7 @@ def fill_gaps(
             if found < gap[i, HUMAN]:
                 gap[i, HUMAN] = found
                 nearest[i, HUMAN] = h
-        gap[i, STATIC] = static_gap(
-            solids.grid, solids.extra, placed[i], corners[i], x, y, reach[i], gap[i, STATIC]
-        )
+        _fill_static_gap(i, pose, prints, solids, gap)
     for i in range(n):
         least = min(least, gap[i, ROBOT], gap[i, HUMAN], gap[i, STATIC])
     return least
@@ -331,9 +387,11 @@ def fill_gaps(
 @njit(cache=True)
 def forget(gap: Array, nearest: IntArray, contact: BoolArray) -> None:
     """Begin a tick: nothing is near yet, and nothing touched."""
-    gap[:] = FAR
-    nearest[:] = -1
-    contact[:] = False
+    for i in range(len(gap)):
+        for k in range(3):
+            gap[i, k], contact[i, k] = FAR, False
+        for k in range(2):
+            nearest[i, k] = -1
 
 
 @njit(cache=True)

@@ -16,6 +16,7 @@ from mrta_falsify.core.arrays import Array, BoolArray, IntArray
 from mrta_falsify.core.codec import quantity
 from mrta_falsify.core.compiled import njit
 from mrta_falsify.core.fleet import Command, Sensed
+from mrta_falsify.core.neighbours import Neighbours, neighbours_within
 from mrta_falsify.core.world import World
 from simulator_interface.engines import gaps
 from simulator_interface.engines.actuation import Actuation, Motors, move_set_points, slipping
@@ -198,24 +199,31 @@ class KinematicEngine:
 
 @njit(cache=True)
 def _fill_hindrance(
-    i: int, pose: Array, where: Array, around: Obstructions, body: Array, depth: Array
+    i: int,
+    pose: Array,
+    where: Array,
+    around: Obstructions,
+    near: Neighbours,
+    body: Array,
+    depth: Array,
 ) -> int:
     """Write gaps below 0 of robot ``i`` at pose ``where`` to ``depth``.
 
-    Its entries are robot, human, permanent static, blockage. ``body`` receives the footprint.
+    Its entries are robot, human, permanent static, blockage. ``body`` receives the footprint,
+    ``near`` lists the robots that it may overlap.
 
     Returns:
         The robot it overlaps most, -1: none.
     """
     prints, people, solids = around.prints, around.people, around.solids
     corners, reach = prints.corners[i], prints.reach[i]
-    depth[:] = 0.0
+    depth[0] = depth[1] = depth[2] = depth[3] = 0.0
     hit = -1
     x, y = where[0], where[1]
     place_outline(prints.outline[i], corners, where, body)
-    for j in range(len(pose)):
-        apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
-        if j == i or apart >= reach + prints.reach[j]:
+    for m in range(near.first[i], near.first[i + 1]):
+        j = near.number[m]
+        if math.hypot(pose[j, 0] - x, pose[j, 1] - y) >= reach + prints.reach[j]:
             continue
         gap = polygon_gap(body, corners, prints.placed[j], prints.corners[j], 0.0)
         if gap < depth[0]:
@@ -254,21 +262,30 @@ def _fill_moved(pose: Array, twist: Array, step: float, out: Array) -> None:
 @njit(cache=True)
 def _fill_velocity(i: int, velocity: Array, set_point: Array, drives: Drives) -> None:
     """Bring the velocity of robot ``i`` towards its set point, as far as slip and lag allow."""
-    wanted, loss = set_point[i].copy(), drives.loss[i]
+    forward, left, turn = set_point[i, 0], set_point[i, 1], set_point[i, 2]
+    loss = drives.loss[i]
     if drives.holonomic[i] == 1:
-        wanted[:2] *= 1.0 - loss[0]
-        wanted[2] *= 1.0 - loss[1]
+        forward *= 1.0 - loss[0]
+        left *= 1.0 - loss[0]
+        turn *= 1.0 - loss[1]
     else:
-        wanted[0], wanted[2] = slipping(wanted[0], wanted[2], drives.separation[i], loss)
+        forward, turn = slipping(forward, turn, drives.separation[i], loss)
     lag = drives.response[i]
     share = 1.0 - math.exp(-drives.step / lag) if lag > 0.0 else 1.0
-    for k in range(3):
-        velocity[i, k] += share * (wanted[k] - velocity[i, k])
+    velocity[i, 0] += share * (forward - velocity[i, 0])
+    velocity[i, 1] += share * (left - velocity[i, 1])
+    velocity[i, 2] += share * (turn - velocity[i, 2])
 
 
 @njit(cache=True)
 def _free_part(
-    i: int, pose: Array, twist: Array, step: float, around: Obstructions, now: Array
+    i: int,
+    pose: Array,
+    twist: Array,
+    step: float,
+    around: Obstructions,
+    near: Neighbours,
+    now: Array,
 ) -> float:
     """Find the largest share of a blocked step, in 64ths, that robot ``i`` may still go."""
     body, there, then = np.empty_like(around.prints.outline[i]), np.empty(3), np.zeros(4)
@@ -276,12 +293,26 @@ def _free_part(
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         _fill_moved(pose[i], twist, middle * step, there)
-        _fill_hindrance(i, pose, there, around, body, then)
+        _fill_hindrance(i, pose, there, around, near, body, then)
         if _is_held(now, then):
             high = middle
         else:
             part = low = middle
     return part
+
+
+@njit(cache=True)
+def _reach_of_step(velocity: Array, set_point: Array, step: float, reach: Array) -> float:
+    """Say beyond which distance two robots cannot meet within a sub-step [m].
+
+    A robot's speed stays between what it is and what is asked for.
+    """
+    fastest, widest = 0.0, 0.0
+    for i in range(len(velocity)):
+        speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        fastest = max(fastest, speed + math.hypot(set_point[i, 0], set_point[i, 1]))
+        widest = max(widest, reach[i])
+    return 2.0 * (widest + fastest * step) + gaps.ROUNDING
 
 
 @njit(cache=True)
@@ -298,21 +329,24 @@ def _drive(
     body = np.empty_like(prints.outline[0]) if len(pose) else np.empty((0, 2))
     there = np.empty(3)
     now, then = np.zeros(4), np.zeros(4)
+    near = neighbours_within(pose, _reach_of_step(velocity, set_point, drives.step, prints.reach))
     for i in range(len(pose)):
         _fill_velocity(i, velocity, set_point, drives)
         _fill_moved(pose[i], velocity[i], drives.step, there)
-        hit = _fill_hindrance(i, pose, there, around, body, then)
-        if then.min() < 0.0:
+        hit = _fill_hindrance(i, pose, there, around, near, body, then)
+        if min(then[0], then[1], then[2], then[3]) < 0.0:
             for k in range(4):
                 contact[i, min(k, 2)] = contact[i, min(k, 2)] or then[k] < 0.0
             if then[0] < 0.0:
                 contact[hit, 0] = True
-            _fill_hindrance(i, pose, pose[i], around, body, now)
+            _fill_hindrance(i, pose, pose[i], around, near, body, now)
             if _is_held(now, then):
-                part = _free_part(i, pose, velocity[i], drives.step, around, now)
+                part = _free_part(i, pose, velocity[i], drives.step, around, near, now)
                 _fill_moved(pose[i], velocity[i], part * drives.step, there)
-                velocity[i] *= part
-        pose[i] = there
+                for k in range(3):
+                    velocity[i, k] *= part
+        for k in range(3):
+            pose[i, k] = there[k]
         place_outline(prints.outline[i], prints.corners[i], pose[i], prints.placed[i])
 
 

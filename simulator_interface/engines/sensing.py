@@ -159,7 +159,12 @@ class Observer:
         self._turned = 0.0
         #: footprints, placed as observed last
         self.prints = gaps.Footprints(
-            fleet.outline, fleet.corners, fleet.reach, np.zeros_like(fleet.outline)
+            fleet.outline,
+            fleet.corners,
+            fleet.reach,
+            np.zeros_like(fleet.outline),
+            near_robot=np.full(n, -1, dtype=np.int64),
+            near_edge=np.full(n, -1, dtype=np.int64),
         )
         self.gap = np.full((n, 3), np.inf)  #: (N, 3) least gap to robot, human, static [m]
         self.nearest = np.full((n, 2), -1, dtype=np.int64)  #: (N, 2) robot, human
