@@ -82,8 +82,9 @@ class ItineraryFollower:
         asks = np.empty(len(missions), dtype=ASK_RECORD)
         rows = self._table.rows(missions, state.queues)
         grounds = tuple(self._rooms.grounds)
-        _fill_asks(rows, fleet.pose, fleet.velocity, fleet.time, grounds, asks)
         pursued, events = list(missions), list[StackEvent]()
+        if not _fill_asks(rows, fleet.pose, fleet.velocity, fleet.time, grounds, asks):
+            return pursued, events
         places: Places = {}
         for robot in (asks["asks"] | asks["waits"]).nonzero()[0].tolist():
             mission = missions[robot]
@@ -93,10 +94,10 @@ class ItineraryFollower:
             ):
                 continue
             pursued[robot], happened = self._pursue(
-                robot, mission, state, fleet, is_at_rest=at_rest
+                robot, mission, state, fleet, is_at_rest=bool(at_rest)
             )
             events += happened
-            places.clear()  # who asks may have changed a queue
+            places.pop(self._rooms.queue_of_next(pursued[robot]), None)  # it may have asked there
         return pursued, events
 
     def first_stop_ends(self, mission: Mission, position: Array, time: float) -> float:
@@ -168,7 +169,7 @@ class ItineraryFollower:
             return NOTHING_TO_DO if rests or isinstance(activity, Parking) else SOMETHING_TO_DO
         if isinstance(activity, Serving):
             return NOTHING_TO_DO[0], activity.until, *NOTHING_TO_DO[2:]
-        queue = self._rooms.queue_of_room.get(mission.itinerary[0].room, -1)
+        queue = self._rooms.queue_of_next(mission)
         memory = memories[queue] if queue >= 0 else None
         if isinstance(activity, Waiting) and activity.place is not None:
             is_in_line = activity.queue == queue and _is_waiter(robot, memories[queue])
@@ -287,7 +288,7 @@ def _fill_asks(
     time: float,
     areas: tuple[Any, ...],
     asks: Rows,
-) -> None:
+) -> bool:
     """Say who is slow enough to load and unload, who has something to do, and who only waits.
 
     Args:
@@ -297,13 +298,17 @@ def _fill_asks(
         time: [s].
         areas: where rooms are asked for, the fields of :class:`Grounds`.
         asks: ``(N,)`` of ASK_RECORD, filled.
+
+    Returns:
+        Whether anybody asks or waits.
     """
-    grounds = Grounds(*areas)
+    grounds, is_any = Grounds(*areas), False
     for i in range(rows.shape[0]):
         robot, ask = rows[i], asks[i]
         is_on = robot.queue >= 0 and is_on_grounds(grounds, robot.queue, pose[i])
         ask.at_rest = abs(velocity[i, 0]) <= AT_REST and abs(velocity[i, 1]) <= AT_REST
         ask.waits = robot.waits
+        is_any = is_any or robot.waits
         if robot.waits:
             ask.asks = _comes_or_leaves(robot, pose[i])
             ask.renews = is_on
@@ -314,6 +319,8 @@ def _fill_asks(
             ask.asks = is_near(robot.point, pose[i], ROOM_REACHED + NEARLY) or is_near(
                 robot.end, pose[i], AT_PATH_END + NEARLY
             )
+        is_any = is_any or ask.asks
+    return is_any
 
 
 @njit(cache=True)

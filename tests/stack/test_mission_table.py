@@ -19,6 +19,7 @@ ROOM = record_of(("room", np.int64), ("number", np.int64))
 def everyone_asked(rows, pose, velocity, time, grounds, asks):
     asks["at_rest"] = (np.abs(velocity[:, :2]) <= itinerary.AT_REST).all(axis=1)
     asks["asks"], asks["waits"] = True, False
+    return True
 
 
 def everyone_looked_at(rows, pose, link, tick, time, reached, may_plan):

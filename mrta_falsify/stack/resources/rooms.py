@@ -134,6 +134,11 @@ class RoomTraffic:
         place = queue.place_of(memory, robot)
         return self._wait(mission, index, place, position), events
 
+    def queue_of_next(self, mission: Mission) -> int:
+        """Give the number of the queue of a mission's next stop, -1: none."""
+        stops = mission.itinerary
+        return self.queue_of_room.get(stops[0].room, -1) if stops else -1
+
     def goes_on_waiting(
         self,
         robot: int,
