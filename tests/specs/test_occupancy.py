@@ -37,6 +37,18 @@ def test_those_that_close_a_way_alone_are_found_as_by_trying_each(seed):
     assert found == (alone or list(range(len(bodies))))
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_a_way_is_open_among_bodies_if_none_of_the_others_closes_it(seed):
+    random = np.random.default_rng(seed)
+    space = two_ways(random.uniform(1.2, 2.4), random.uniform(-0.5, 0.5))
+    bodies = random.uniform((-5.0, -0.9), (5.0, 0.9), (int(random.integers(2, 12)), 2))
+    own = int(random.integers(len(bodies)))
+    for place in (bodies[own].copy(), START, START + random.uniform(-0.3, 0.3, 2)):
+        bodies[own] = place
+        found = space.is_open_among(START, GOAL, 0.0, bodies=bodies, own=own, gap=GAP)
+        assert found == (closing(space, np.delete(bodies, own, axis=0)) is None)
+
+
 def test_two_that_close_a_way_only_together_are_both_named():
     space = two_ways(2.4)
     beside = np.array([[0.0, 0.7], [0.0, -0.7], [2.0, 3.0]])

@@ -75,9 +75,14 @@ class NoPathReasons:
         closing = self._space.closing(start, goal, time)
         if closing is not None:
             return _cut_off_by(i, closing or (UNREACHABLE,))
-        bodies = self._space.bodies_closing(
-            start, goal, time, others=fleet.position[resting], gap=gap
-        )
+        still = np.flatnonzero(fleet.still)
+        own = int(np.searchsorted(still, i))
+        bodies = None
+        if not self._space.is_open_among(
+            start, goal, time, bodies=fleet.position[still], own=own, gap=gap
+        ):
+            others = fleet.position[resting]
+            bodies = self._space.bodies_closing(start, goal, time, others=others, gap=gap)
         if bodies is None:
             return _cut_off_by(i, self._closing_body(fleet, start, goal) or ("",))
         return tuple(BlockedBy(i, "no-path", resting[k]) for k in bodies)

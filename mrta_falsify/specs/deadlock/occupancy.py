@@ -19,11 +19,14 @@ from mrta_falsify.core.world import Blockage, Furniture, World
 from mrta_falsify.specs.deadlock.occupancy_kernels import (
     Disc,
     Owners,
+    Regions,
+    count_discs,
     fill_discs,
     fill_interior,
     fill_rim,
     find_way,
     first_owned,
+    is_way_without,
 )
 
 GRID_CELL = 0.1  # m, of the grid
@@ -53,6 +56,9 @@ class SolidGrid:
     _drawn_pose: Array | None = None  #: (F, 3) as it is on ``_current``
     _current: Owners | None = None
     _numbered: tuple[Owners, IntArray] | None = None  #: connected places, and of which grid
+    _regions: Regions | None = None  #: among bodies, numbered last
+    _among: Owners | None = None  #: of which grid
+    _among_bodies: tuple[bytes, float] = (b"", 0.0)  #: of which bodies and gap
     _origin: Array = field(default_factory=lambda: np.zeros(2))
     _shape: tuple[int, int] = (0, 0)  #: rows, columns
 
@@ -110,6 +116,39 @@ class SolidGrid:
             and is_closed_by(bodies[k : k + 1])
         ]
         return alone or list(range(len(bodies)))
+
+    def is_open_among(
+        self, start: Array, goal: Array, time: float, *, bodies: Array, own: int, gap: float
+    ) -> bool:
+        """Whether solids and bodies at rest leave a way open, but for the body of the robot itself.
+
+        Then :meth:`bodies_closing` finds nothing. The connected regions are numbered once for all
+        robots that ask at the same time.
+
+        Args:
+            start: where the robot stands ``(2,)`` [m].
+            goal: where it wants to go ``(2,)`` [m].
+            time: which blockages stand [s].
+            bodies: ``(M, 2)`` bodies at rest that must be passed at distance ``gap``.
+            own: number of the robot's own among them.
+            gap: centre to centre [m].
+        """
+        owner, places = self._grid(time), bodies - self._origin
+        key = places.tobytes(), gap
+        if self._among is not owner or self._among_bodies != key or self._regions is None:
+            self._among, self._among_bodies = owner, key
+            self._regions = self._regions_among(owner != 0, places, gap)
+        x, y = places[own]
+        from_here, to_there = self._disc(start, START_REACH), self._disc(goal, GOAL_REACH)
+        own_disc = Disc(x, y, gap)
+        return bool(is_way_without(own_disc, from_here, to_there, self._regions, self.cell))
+
+    def _regions_among(self, solid: BoolArray, places: Array, gap: float) -> Regions:
+        count = np.zeros(solid.shape, dtype=np.int16)
+        count_discs(count, places, gap, self.cell)
+        free = ~solid & (count == 0)
+        number, total = label(free, structure=np.ones((3, 3), dtype=np.int8))
+        return Regions(number, int(total), count, solid)
 
     def closing(self, start: Array, goal: Array, time: float) -> tuple[str, ...] | None:
         """Name the furniture and blockages that close the way.

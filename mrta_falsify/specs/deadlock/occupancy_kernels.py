@@ -98,6 +98,18 @@ def fill_discs(blocked: BoolArray, centers: Array, radius: float, cell: float) -
                     blocked[row, col] = True
 
 
+Counts = NDArray[np.int16]  #: (rows, cols)
+
+
+class Regions(NamedTuple):
+    """Connected regions of the cells that neither solids nor bodies block."""
+
+    number: IntArray  #: (rows, cols) from 1 on, 0: blocked
+    total: int  #: regions
+    bodies: Counts  #: (rows, cols) that block each cell
+    solid: BoolArray  #: (rows, cols)
+
+
 class Disc(NamedTuple):
     """A round place of the grid, in metres from its corner."""
 
@@ -147,6 +159,104 @@ def find_way(blocked: BoolArray, start: Disc, goal: Disc, cell: float) -> IntArr
                     count += 1
         first += 1
     return np.empty((0, 2), dtype=np.int64)
+
+
+@njit(cache=True)
+def count_discs(count: Counts, centers: Array, radius: float, cell: float) -> None:
+    """Count for each cell the discs that :func:`fill_discs` would block it by; 0 so far."""
+    rows, cols = count.shape
+    for k in range(len(centers)):
+        x, y = centers[k, 0], centers[k, 1]
+        low, high = max(0, int((y - radius) / cell)), min(rows - 1, int((y + radius) / cell))
+        left, right = max(0, int((x - radius) / cell)), min(cols - 1, int((x + radius) / cell))
+        for row in range(low, high + 1):
+            for col in range(left, right + 1):
+                dx, dy = (col + 0.5) * cell - x, (row + 0.5) * cell - y
+                if dx * dx + dy * dy < radius * radius:
+                    count[row, col] += 1
+
+
+@njit(cache=True)
+def is_way_without(own: Disc, start: Disc, goal: Disc, regions: Regions, cell: float) -> bool:
+    """Whether a way of free cells leads from ``start`` to ``goal`` once one body is taken away.
+
+    Args:
+        own: disc of the body.
+        start: a way begins at any free cell whose centre lies in it.
+        goal: it ends at any free cell whose centre lies in it.
+        regions: with all bodies.
+        cell: size of a cell [m].
+    """
+    number, bodies, solid = regions.number, regions.bodies, regions.solid
+    rows, cols = number.shape
+    low = max(0, int((own.y - own.radius) / cell))
+    left = max(0, int((own.x - own.radius) / cell))
+    height = min(rows - 1, int((own.y + own.radius) / cell)) + 1 - low
+    width = min(cols - 1, int((own.x + own.radius) / cell)) + 1 - left
+    # Cells that only this body blocks, and which of them and of the regions are reached.
+    freed = np.zeros((max(height, 0), max(width, 0)), dtype=np.bool_)
+    reached = np.zeros_like(freed)
+    known = np.zeros(regions.total + 1, dtype=np.bool_)
+    for row in range(height):
+        for col in range(width):
+            r, c = low + row, left + col
+            dx, dy = (c + 0.5) * cell - own.x, (r + 0.5) * cell - own.y
+            is_own = dx * dx + dy * dy < own.radius * own.radius
+            freed[row, col] = is_own and bodies[r, c] == 1 and not solid[r, c]
+    first, last = int((start.y - start.radius) / cell), int((start.y + start.radius) / cell)
+    west, east = int((start.x - start.radius) / cell), int((start.x + start.radius) / cell)
+    for r in range(max(0, first), min(rows - 1, last) + 1):
+        for c in range(max(0, west), min(cols - 1, east) + 1):
+            if _is_inside(start, r, c, cell):
+                known[number[r, c]] = True
+                row, col = r - low, c - left
+                if 0 <= row < height and 0 <= col < width and freed[row, col]:
+                    reached[row, col] = True
+    known[0] = False
+    grows = True
+    while grows:
+        grows = False
+        for row in range(height):
+            for col in range(width):
+                if freed[row, col] and _spreads(row, col, low, left, freed, reached, known, number):
+                    grows = True
+    first, last = int((goal.y - goal.radius) / cell), int((goal.y + goal.radius) / cell)
+    west, east = int((goal.x - goal.radius) / cell), int((goal.x + goal.radius) / cell)
+    for r in range(max(0, first), min(rows - 1, last) + 1):
+        for c in range(max(0, west), min(cols - 1, east) + 1):
+            row, col = r - low, c - left
+            is_reached = 0 <= row < height and 0 <= col < width and reached[row, col]
+            if (is_reached or known[number[r, c]]) and _is_inside(goal, r, c, cell):
+                return True
+    return False
+
+
+@njit(cache=True)
+def _spreads(
+    row: int,
+    col: int,
+    low: int,
+    left: int,
+    freed: BoolArray,
+    reached: BoolArray,
+    known: BoolArray,
+    number: IntArray,
+) -> bool:
+    """Spread between a freed cell and the cells around it; says whether any is newly reached."""
+    news = False
+    for up in range(-1, 2):
+        for side in range(-1, 2):
+            a, b = row + up, col + side
+            r, c = low + a, left + b
+            if not (0 <= r < number.shape[0] and 0 <= c < number.shape[1]):
+                continue
+            place = number[r, c]
+            is_freed = 0 <= a < freed.shape[0] and 0 <= b < freed.shape[1] and freed[a, b]
+            if not reached[row, col] and ((is_freed and reached[a, b]) or known[place]):
+                reached[row, col] = news = True
+            if reached[row, col] and place > 0 and not known[place]:
+                known[place] = news = True
+    return news
 
 
 @njit(cache=True)
