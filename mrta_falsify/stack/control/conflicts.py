@@ -189,7 +189,8 @@ def _signed_distance(places: SharedPlaces, place: int, x: float, y: float) -> fl
         if (by > y) != (ay > y) and x < (ax - bx) * (y - by) / (ay - by) + bx:
             is_inside = not is_inside
         ax, ay = bx, by
-    return -np.sqrt(square) if is_inside else np.sqrt(square)
+    distance = float(np.sqrt(square))
+    return -distance if is_inside else distance
 
 
 @njit(cache=True)
