@@ -31,11 +31,14 @@ NO_WAY = np.zeros((0, 2))
 
 #: how far a person is on a way
 PROGRESS_ROW = np.dtype(
-    [
-        ("passed", np.int64),  # points of the way already passed
-        ("closest", np.float64),  # least distance to the end of the way so far [m]
-        ("closest_at", np.float64),  # when that was [s]
-    ]
+    (
+        np.record,
+        [
+            ("passed", np.int64),  # points of the way already passed
+            ("closest", np.float64),  # least distance to the end of the way so far [m]
+            ("closest_at", np.float64),  # when that was [s]
+        ],
+    )
 )
 ProgressRows: TypeAlias = NDArray[np.void]  #: of PROGRESS_ROW
 GOES_ON, STANDS_STILL, HAS_ARRIVED, IS_LOST = range(4)
