@@ -35,7 +35,7 @@ from experiments.markdown import row as line
 from experiments.reports.stored_failures import cpu_seconds
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.core.errors import FormatError
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.stored_trials import open_campaign
 from simulator_interface.formats.nav2 import read_nav2_map
 
 PLACES = 6  # on a map without rooms

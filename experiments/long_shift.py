@@ -22,8 +22,8 @@ from mrta_falsify.core.seeding import stream
 from mrta_falsify.core.trace import write_trace
 from mrta_falsify.core.world import Task, World, write_world
 from mrta_falsify.trial import Job, run_job
-from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.stacks import load_stack
+from mrta_falsify.commands.bench.bench_worlds import fleet_world
+from mrta_falsify.commands.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from scenic_worlds.variation import vary_world
 from simulator_interface.guard import guarded

@@ -25,9 +25,9 @@ import pytest
 from mrta_falsify.core.errors import InputError, MrtaFalsifyError
 
 if TYPE_CHECKING:
+    from mrta_falsify.commands.campaign import CampaignResult
     from mrta_falsify.core.findings import Recheck
     from mrta_falsify.core.record import TrialRecord
-    from mrta_falsify.verbs.campaign import CampaignResult
 
 MAX_PERTURBED = 100  # as of the command `corpus`
 BUDGET = 20  # trials of a scenario unless its marker names a number
@@ -121,7 +121,7 @@ class StoredFailures(pytest.Collector):
         Raises:
             pytest.UsageError: not a campaign.
         """
-        from mrta_falsify.verbs.stored_trials import list_trials  # noqa: PLC0415 - loads slowly
+        from mrta_falsify.commands.stored_trials import list_trials  # noqa: PLC0415 - loads slowly
 
         try:
             rows = list_trials(self.name, failed=True)
@@ -142,7 +142,7 @@ class StoredFailure(pytest.Item):
 
     def setup(self) -> None:
         """Run the world and its copies; what goes wrong here is no verdict about the stack."""
-        from mrta_falsify.verbs.stored_failures import recheck_corpus  # noqa: PLC0415
+        from mrta_falsify.commands.stored_failures import recheck_corpus  # noqa: PLC0415
 
         assert self.parent is not None
         option = self.config.getoption
@@ -214,7 +214,7 @@ def mrta_campaign(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> CampaignResult:
     """Search the scenario of the test's marker ``mrta_scenario``; stop at the first failure."""
-    from mrta_falsify.verbs.campaign import campaign  # noqa: PLC0415 - loads slowly
+    from mrta_falsify.commands.campaign import campaign  # noqa: PLC0415 - loads slowly
 
     marker = request.node.get_closest_marker(SCENARIO)
     if marker is None or len(marker.args) != 1:
@@ -259,8 +259,8 @@ def pytest_runtest_call(item: pytest.Item) -> None:
 
 def _failure_text(found: CampaignResult, record: TrialRecord, failures: int) -> str:
     """Say what failed first, where its picture is, and how to run it again."""
-    from mrta_falsify.verbs.pictures import draw_trial  # noqa: PLC0415 - matplotlib loads slowly
-    from mrta_falsify.verbs.stored_trials import what_happened  # noqa: PLC0415
+    from mrta_falsify.commands.pictures import draw_trial  # noqa: PLC0415 - matplotlib loads slowly
+    from mrta_falsify.commands.stored_trials import what_happened  # noqa: PLC0415
 
     directory = str(found.campaign.directory)
     return "\n".join(

@@ -43,7 +43,7 @@ def test_importing_a_lower_floor_runs_no_upper_one_and_no_heavy_library(statemen
     loaded = _loaded_after(statement)
     assert loaded.isdisjoint(HEAVY)
     assert loaded.isdisjoint(
-        {"mrta_falsify.verbs.run", "mrta_falsify.trial", "simulator_interface"}
+        {"mrta_falsify.commands.run", "mrta_falsify.trial", "simulator_interface"}
     )
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
+from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core.feedback import DEMANDS
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import CommsOutage, Furniture, HumanSpec, Resource, Task
 from mrta_falsify.preflight import _Fleet, _ring, _soonest, _Stop, _Visit, _ways, preflight
 from mrta_falsify.static_floor import StaticFloor
 from mrta_falsify.testing.floors import robot, two_rooms
-from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.zoo import load_scene, scene_names
 
 APART = 13.0  # m between the two rooms' points

@@ -22,14 +22,14 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from mrta_falsify.commands.bench.bench_worlds import fleet_world
+from mrta_falsify.commands.bench.controller_speed import time_controller
 from mrta_falsify.core.compiled import PACKAGES, ROOT, digest_of_module
 from mrta_falsify.core.config import Choice, StackConfig, default_engine
 from mrta_falsify.core.fleet import Command
 from mrta_falsify.core.protocols import ControlResult, ControlView
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.bench.controller_speed import time_controller
 from scenic_worlds.layouts import load_world
 from scenic_worlds.zoo import load_scene
 from simulator_interface.simulate import EpisodeRun

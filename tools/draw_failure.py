@@ -12,13 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mrta_falsify.campaigns.finding_files import read_finding
+from mrta_falsify.commands.stored_trials import open_campaign
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import read_world
 from mrta_falsify.specs.causes import leading
-from mrta_falsify.verbs.stored_trials import open_campaign
 from tools.gallery_pictures import Seen, write_picture
 
 

@@ -24,22 +24,22 @@ from typing import Any
 
 import yaml
 
+from mrta_falsify.analysis.explain import explain, removal_text
+from mrta_falsify.analysis.minimize import minimize
 from mrta_falsify.campaigns.finding_files import read_finding
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, StoreError
+from mrta_falsify.commands.campaign import open_store, run_store
+from mrta_falsify.commands.campaign_settings import new_settings
+from mrta_falsify.commands.replay import replay_trial, store_replay
+from mrta_falsify.commands.stored_trials import open_campaign
+from mrta_falsify.commands.workers import local_workers
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig, apply_setting
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.findings import Explanation, Minimisation, ReplayCheck
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.task_history import stories, tasks_of
-from mrta_falsify.verbs.campaign import open_store, run_store
-from mrta_falsify.verbs.campaign_settings import new_settings
-from mrta_falsify.verbs.explain import explain, removal_text
-from mrta_falsify.verbs.minimize import minimize
-from mrta_falsify.verbs.replay import replay_trial, store_replay
-from mrta_falsify.verbs.stored_trials import open_campaign
-from mrta_falsify.verbs.workers import local_workers
 from reports.sentences import account_sentences, violation_sentence
 from tools.draw_failure import seen_in
 from tools.gallery_pictures import Seen, write_picture

@@ -17,10 +17,10 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 
+from mrta_falsify.commands.zoo import SceneCheck, run_zoo
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import STACK_LAYERS, StackConfig
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.zoo import SceneCheck, run_zoo
 from reports.colours import robot_colour
 from reports.contact_sheet import draw_small_map
 from reports.floor_scene import extent_of

@@ -25,8 +25,8 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign import run_store
-from mrta_falsify.verbs.campaign_settings import new_settings
+from mrta_falsify.commands.campaign import run_store
+from mrta_falsify.commands.campaign_settings import new_settings
 
 
 def one_run(

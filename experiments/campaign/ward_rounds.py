@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core.config import Choice, StackConfig
-from mrta_falsify.verbs.campaign_settings import new_settings
+from mrta_falsify.commands.campaign_settings import new_settings
 
 PROGRAM = Path(__file__).parent / "ward_rounds.scenic"
 

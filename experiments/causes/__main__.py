@@ -22,7 +22,7 @@ from experiments.causes.cases import Case, draw, faulty
 from experiments.oracle.rows import Row, cpu_seconds, run_command
 from mrta_falsify.core import codec
 from mrta_falsify.specs.attribution import WORLD
-from mrta_falsify.verbs.explain.explaining import explain_job
+from mrta_falsify.analysis.explain.explaining import explain_job
 
 
 def explained(cases: dict[str, Case], max_runs: int, name: str) -> Row:

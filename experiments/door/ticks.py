@@ -26,9 +26,9 @@ import numpy as np
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.stack_test.episodes import TIMED_TICKS, WARM_TICKS, time_of_ticks
-from mrta_falsify.verbs.stack_test.testing import FLEETS, WORLD
+from mrta_falsify.commands.bench.bench_worlds import fleet_world
+from mrta_falsify.commands.stack_test.episodes import TIMED_TICKS, WARM_TICKS, time_of_ticks
+from mrta_falsify.commands.stack_test.testing import FLEETS, WORLD
 from scenic_worlds.layouts import load_world
 from simulator_interface.clients import mrta_stack
 from simulator_interface.episode import Episode

@@ -28,7 +28,7 @@ from mrta_falsify.core.fleet import Command, Sensed
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import RobotSpec, Wall, World
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.verbs.bench.bench_worlds import fleet_world
+from mrta_falsify.commands.bench.bench_worlds import fleet_world
 from scenic_worlds.layouts import load_world
 from simulator_interface.simulate import EpisodeRun
 

@@ -18,8 +18,8 @@ from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.campaigns.survival import SearchCost
 from mrta_falsify.core import codec
-from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.search_outcomes import SearchOutcome, search_outcome
+from mrta_falsify.commands.stored_trials import open_campaign
 
 KEPT = "searches.jsonl"
 KEPT_POOLS = "pools.jsonl"

@@ -13,9 +13,9 @@ from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.trial import campaign_specifications, primary_and_secondary
-from mrta_falsify.verbs.campaign_settings import new_settings
-from mrta_falsify.verbs.searches import ComparisonPlan
-from mrta_falsify.verbs.stacks import load_stack
+from mrta_falsify.commands.campaign_settings import new_settings
+from mrta_falsify.commands.searches import ComparisonPlan
+from mrta_falsify.commands.stacks import load_stack
 
 HERE = Path(__file__).parent
 #: the lists of pairs by version

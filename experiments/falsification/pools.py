@@ -21,10 +21,10 @@ from mrta_falsify.campaigns.store import SETTINGS, Campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.record import TrialRecord
-from mrta_falsify.verbs.campaign import open_store, run_store
-from mrta_falsify.verbs.search_outcomes import SearchOutcome, search_outcome
-from mrta_falsify.verbs.stored_trials import open_campaign
-from mrta_falsify.verbs.workers import local_workers
+from mrta_falsify.commands.campaign import open_store, run_store
+from mrta_falsify.commands.search_outcomes import SearchOutcome, search_outcome
+from mrta_falsify.commands.stored_trials import open_campaign
+from mrta_falsify.commands.workers import local_workers
 
 WINDOW = 8  # draws that may run at a time
 

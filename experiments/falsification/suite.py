@@ -39,9 +39,9 @@ from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.searches import run_searches
+from mrta_falsify.commands.searches import run_searches
 from mrta_falsify.lab.stored import stored_world
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.stored_trials import open_campaign
 
 
 def search(pairs: Iterable[Pair], options: argparse.Namespace, *, modes: bool = False) -> None:

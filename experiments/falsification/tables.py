@@ -15,13 +15,13 @@ from experiments.falsification.uniform import ALL, beside_uniform, expected_curv
 from mrta_falsify.campaigns.journal import read_rows
 from mrta_falsify.campaigns.store import SETTINGS
 from mrta_falsify.core import codec
-from mrta_falsify.verbs.search_outcomes import (
+from mrta_falsify.commands.search_outcomes import (
     SamplerRow,
     SearchOutcome,
     sampler_rows,
     survival_curves,
 )
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.stored_trials import open_campaign
 from reports.figure_searches import Curve, write_searches
 
 CONFIRMED = "confirmed.jsonl"

@@ -25,9 +25,9 @@ from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.stack import dispatcher
 from mrta_falsify.stack.planning.astar import AStar
 from mrta_falsify.stack.planning_service import PlanningService
-from mrta_falsify.verbs.bench.bench_worlds import fleet_world
-from mrta_falsify.verbs.bench.fleet_speed import Stopwatch
-from mrta_falsify.verbs.stacks import load_stack
+from mrta_falsify.commands.bench.bench_worlds import fleet_world
+from mrta_falsify.commands.bench.fleet_speed import Stopwatch
+from mrta_falsify.commands.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from simulator_interface.costmap_layers import BoundCostmap
 from simulator_interface.simulate import EpisodeRun

@@ -39,10 +39,10 @@ from mrta_falsify.core.world import CommsOutage, Event, World, read_world
 from mrta_falsify.specs.causes import leading
 from mrta_falsify.testing.planted import PLANTS
 from mrta_falsify.trial import Job, judge
-from mrta_falsify.verbs.minimize import minimize
-from mrta_falsify.verbs.minimize.edits import things_of
-from mrta_falsify.verbs.minimize.reruns import PERTURBED
-from mrta_falsify.verbs.minimize.sentences import minimal_text
+from mrta_falsify.analysis.minimize import minimize
+from mrta_falsify.analysis.minimize.edits import things_of
+from mrta_falsify.analysis.minimize.reruns import PERTURBED
+from mrta_falsify.analysis.minimize.sentences import minimal_text
 from mrta_falsify.lab.stored import job_of
 from scenic_worlds.program import compile_program
 from simulator_interface.starts import check_starts

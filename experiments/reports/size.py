@@ -33,14 +33,14 @@ from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.testing.records import changed
-from mrta_falsify.verbs import explain as explaining
-from mrta_falsify.verbs import minimize as minimising
-from mrta_falsify.verbs import report as reporting
-from mrta_falsify.verbs.campaign import open_store, run_store
-from mrta_falsify.verbs.campaign_settings import new_settings
-from mrta_falsify.verbs.replay import replay_trial, store_replay
-from mrta_falsify.verbs.stored_trials import open_campaign
-from mrta_falsify.verbs.workers import local_workers
+from mrta_falsify.commands import explain as explaining
+from mrta_falsify.commands import minimize as minimising
+from mrta_falsify.commands import report as reporting
+from mrta_falsify.commands.campaign import open_store, run_store
+from mrta_falsify.commands.campaign_settings import new_settings
+from mrta_falsify.commands.replay import replay_trial, store_replay
+from mrta_falsify.commands.stored_trials import open_campaign
+from mrta_falsify.commands.workers import local_workers
 
 SCENARIO = "burst_of_tasks"
 TRIALS = 6  # of the real campaign

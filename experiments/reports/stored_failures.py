@@ -20,7 +20,7 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.world import write_world
 from mrta_falsify.lab.stored import stored_world
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.stored_trials import open_campaign
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -35,7 +35,7 @@ from scipy.sparse import csgraph
 from mrta_falsify.core.arrays import Array, BoolArray
 from mrta_falsify.core.costmap import LETHAL, Costmap
 from mrta_falsify.core.world import Blockage, Furniture, World
-from mrta_falsify.verbs.programs import draw_candidates, open_scenario
+from mrta_falsify.commands.programs import draw_candidates, open_scenario
 from scenic_worlds.program import Program
 from scenic_worlds.shipped import scenario_names
 from simulator_interface.costmap_layers import build_costmap

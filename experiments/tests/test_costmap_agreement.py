@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.verbs.programs import draw_candidates, open_scenario
+from mrta_falsify.commands.programs import draw_candidates, open_scenario
 from simulator_interface.costmap_layers import build_costmap
 
 EXPERIMENT = Path(__file__).parents[1] / "scenic" / "costmap_agreement.py"

@@ -18,7 +18,7 @@ from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Store
 from mrta_falsify.campaigns.survival import SearchCost
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.search_outcomes import SearchOutcome
+from mrta_falsify.commands.search_outcomes import SearchOutcome
 from tests.campaigns.standin import settings
 
 PAIRS = [read_suite()[name] for name in ("two_doors", "lift_line")]

@@ -14,7 +14,7 @@ from mrta_falsify.cli.options import FILE
 from mrta_falsify.core.words import clock_text, is_date, number_text
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.allocate import PlanSummary
+    from mrta_falsify.commands.allocate import PlanSummary
 
 MAX_LINES = 200  # stops printed as text; json prints all
 
@@ -74,7 +74,7 @@ MAX_LINES = 200  # stops printed as text; json prints all
 )
 def allocate_command(tasks: Path, travel_times: Path, style: str, **options: Any) -> int:
     """Plan which robot serves which task of a task file, or prove that no plan exists."""
-    from mrta_falsify.verbs.allocate import allocate, summarise_plan
+    from mrta_falsify.commands.allocate import allocate, summarise_plan
 
     answer = allocate(tasks, travel_times, **options)
     if answer.shortened:

@@ -31,7 +31,7 @@ from mrta_falsify.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.campaign import CampaignResult
+    from mrta_falsify.commands.campaign import CampaignResult
 
 
 @main.command("campaign")
@@ -99,7 +99,7 @@ def campaign_command(
     elif dry_run:
         return _dry_run(str(scenario), options, style)
     else:
-        from mrta_falsify.verbs.campaign import campaign
+        from mrta_falsify.commands.campaign import campaign
 
         if options["wall_clock"] and not _is_given(context, "budget"):
             options["budget"] = None
@@ -115,7 +115,7 @@ def campaign_command(
     if result.ended == "interrupted":
         say_interrupted(result)
     if style == "json":
-        from mrta_falsify.verbs.campaign_summary import summarise_campaign
+        from mrta_falsify.commands.campaign_summary import summarise_campaign
 
         output.print_json(summarise_campaign(result))
     else:
@@ -149,7 +149,7 @@ def _resume(directory: Path, context: click.Context) -> CampaignResult:
             raise click.UsageError(
                 f"{option.opts[-1]} cannot be changed by --resume: it belongs to the campaign"
             )
-    from mrta_falsify.verbs.campaign import resume_campaign
+    from mrta_falsify.commands.campaign import resume_campaign
 
     with CampaignWatch(directory) as watch:
         return resume_campaign(
@@ -166,8 +166,8 @@ def _is_given(context: click.Context, name: str) -> bool:
 
 
 def _dry_run(scenario: str, options: dict[str, Any], style: str) -> int:
-    from mrta_falsify.verbs.campaign_settings import new_settings
-    from mrta_falsify.verbs.estimate import crowd_of, estimate_cost
+    from mrta_falsify.commands.campaign_settings import new_settings
+    from mrta_falsify.commands.estimate import crowd_of, estimate_cost
 
     output.say(f"compiling {scenario}")
     settled = {name: value for name, value in options.items() if name not in RUN_OPTIONS}
@@ -206,7 +206,7 @@ def _exit_code(result: CampaignResult) -> int:
 )
 def init_command(directory: Path, stack: Literal["python", "cpp"] | None) -> int:
     """Write a first scenario and stack file into DIRECTORY (default: here)."""
-    from mrta_falsify.verbs.init import init
+    from mrta_falsify.commands.init import init
 
     written = init(directory, stack)
     for path in written:

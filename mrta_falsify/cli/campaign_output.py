@@ -16,10 +16,10 @@ from mrta_falsify.core.words import listed
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.runner import Progress
     from mrta_falsify.campaigns.stats import FailureMode
+    from mrta_falsify.commands.campaign import CampaignResult
+    from mrta_falsify.commands.campaign_summary import CampaignSummary
     from mrta_falsify.core.probability import Probability
     from mrta_falsify.core.record import TrialRecord
-    from mrta_falsify.verbs.campaign import CampaignResult
-    from mrta_falsify.verbs.campaign_summary import CampaignSummary
 
 LINES = 10  # of progress in a pipe, per campaign
 SHOWN_IDS = 6  # trials named per failure mode
@@ -156,7 +156,7 @@ def say_interrupted(result: CampaignResult) -> None:
 
 def print_campaign(result: CampaignResult) -> None:
     """Print what a campaign found, as text."""
-    from mrta_falsify.verbs.campaign_summary import (
+    from mrta_falsify.commands.campaign_summary import (
         NoProbability,
         comparison_sentence,
         kinds_text,

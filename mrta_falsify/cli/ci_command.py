@@ -53,10 +53,10 @@ def ci_command(project: Path, fail_on: str, opens: bool, style: str, **options: 
     PROJECT is a file with scenarios, stacks and a corpus (default: mrta-falsify.yaml). Unchanged
     parts are not run. Exit code 1 if something fails.
     """
+    from mrta_falsify.commands.ci.command import PAGE_NAME, ci
+    from mrta_falsify.commands.ci.project import read_project
+    from mrta_falsify.commands.ci.reporting import command_of, done_text, headline_of
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.ci.command import PAGE_NAME, ci
-    from mrta_falsify.verbs.ci.project import read_project
-    from mrta_falsify.verbs.ci.reporting import command_of, done_text, headline_of
 
     read = read_project(project)
     result = ci(project, on_cell=lambda cell: output.say(_beginning(cell)), **options)

@@ -26,7 +26,7 @@ from mrta_falsify.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.search_outcomes import SamplerRow
+    from mrta_falsify.commands.search_outcomes import SamplerRow
 
 
 @main.command("compare")
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
 @format_option
 def compare_command(scenario: str, style: str, **options: Any) -> int:
     """Compare samplers: falsification rate, simulations to the first failure, failure modes."""
-    from mrta_falsify.verbs.compare import compare
+    from mrta_falsify.commands.compare import compare
 
     found = compare(
         scenario,

@@ -32,9 +32,9 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
     which each takes half of every evasion. The report shows the campaign if it found a violation,
     else the example.
     """
-    from mrta_falsify.verbs import demo
-    from mrta_falsify.verbs.folders import make_directory
-    from mrta_falsify.verbs.stacks import load_stack
+    from mrta_falsify.commands import demo
+    from mrta_falsify.commands.folders import make_directory
+    from mrta_falsify.commands.stacks import load_stack
 
     config = load_stack(stack, settings)
     folder = make_directory(options["output"])
@@ -73,9 +73,9 @@ def demo_command(seed: int, stack: str | None, settings: tuple[str, ...], **opti
 
 def _show_day(seed: int, config: StackConfig, directory: Path) -> None:
     """Run the day and print it."""
-    from mrta_falsify.verbs import demo
-    from mrta_falsify.verbs.run import summarise_run
-    from mrta_falsify.verbs.worlds import find_world
+    from mrta_falsify.commands import demo
+    from mrta_falsify.commands.run import summarise_run
+    from mrta_falsify.commands.worlds import find_world
 
     world = find_world(demo.DEMO_WORLD, seed=seed)
     click.echo(f"{len(world.robots)} robots, {len(world.humans)} people, {len(world.tasks)} tasks")

@@ -43,7 +43,7 @@ def export_command(target: str, id: str | None, **options: Any) -> int:
         raise click.UsageError("--run and --trust belong to a trial of a campaign")
     if id is not None and (options["stack"] or options["settings"]):
         raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
-    from mrta_falsify.verbs.export import export, exporter_named
+    from mrta_falsify.commands.export import export, exporter_named
 
     if id is None and exporter_named(options["format"]).of_run:
         output.say(f"running {target}")

@@ -28,8 +28,8 @@ from mrta_falsify.cli.options import (
 
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.foreign import Trust
+    from mrta_falsify.commands.zoo import SceneCheck
     from mrta_falsify.core.findings import Explanation, Recheck
-    from mrta_falsify.verbs.zoo import SceneCheck
 
 
 @main.command("explain")
@@ -83,9 +83,9 @@ def explain_command(
 
     The answer is kept beside the trial and shown by `report`.
     """
-    from mrta_falsify.verbs.stored_failures import explain_trial
-    from mrta_falsify.verbs.stored_trials import what_happened
-    from mrta_falsify.verbs.trust import open_to_run, permit_runs
+    from mrta_falsify.commands.stored_failures import explain_trial
+    from mrta_falsify.commands.stored_trials import what_happened
+    from mrta_falsify.commands.trust import open_to_run, permit_runs
 
     campaign = open_to_run(directory, trust)
     record = campaign.record(id)
@@ -120,7 +120,7 @@ def explain_command(
 
 
 def _print_explanation(found: Explanation) -> None:
-    from mrta_falsify.verbs.explain import decided_sentences, needs_sentences, removal_text
+    from mrta_falsify.analysis.explain import decided_sentences, needs_sentences, removal_text
 
     out = output.stdout()
     out.print(f"suspected layer: {found.layer or 'none'} ({found.reason})")
@@ -147,11 +147,11 @@ def certify_command(directory: Path, id: str | None, run: bool, trust: Trust, st
     """Prove deadlocks from world and trace, and write certificate.json beside their trials.
 
     Without an ID, all trials with a confirmed deadlock. An independent program of 150 lines
-    checks a certificate: python -m mrta_falsify.verbs.certify.checker FOLDER.
+    checks a certificate: python -m mrta_falsify.analysis.certify.checker FOLDER.
     """
+    from mrta_falsify.analysis.certify.sentences import claim_sentences
+    from mrta_falsify.commands.certificates import certify_trials
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.certificates import certify_trials
-    from mrta_falsify.verbs.certify.sentences import claim_sentences
 
     found = certify_trials(directory, id, run=run, trust=trust)
     certified = sum(trial.certificate is not None for trial in found)
@@ -197,13 +197,13 @@ def minimize_command(
     the same world as a Scenic program (world.min.scenic), and trace.min.zip beside the trial;
     `report` shows them beside the original.
     """
+    from mrta_falsify.analysis.minimize.minimising import expected_runs
+    from mrta_falsify.analysis.minimize.reruns import PERTURBED
+    from mrta_falsify.analysis.minimize.sentences import minimal_text
+    from mrta_falsify.commands.stored_failures import minimize_trial
+    from mrta_falsify.commands.stored_trials import compared_sentences
+    from mrta_falsify.commands.trust import open_to_run, permit_runs
     from mrta_falsify.core.findings import finding_data
-    from mrta_falsify.verbs.minimize.minimising import expected_runs
-    from mrta_falsify.verbs.minimize.reruns import PERTURBED
-    from mrta_falsify.verbs.minimize.sentences import minimal_text
-    from mrta_falsify.verbs.stored_failures import minimize_trial
-    from mrta_falsify.verbs.stored_trials import compared_sentences
-    from mrta_falsify.verbs.trust import open_to_run, permit_runs
 
     campaign = open_to_run(directory, trust)
     record = campaign.record(id)
@@ -288,7 +288,7 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
     `corpus zoo` runs shipped scenes with a known answer, `corpus zoo/NAME` one of them, by
     default on the kinematic engine. A directory of that name is ./zoo.
     """
-    from mrta_falsify.verbs.zoo import is_zoo
+    from mrta_falsify.commands.zoo import is_zoo
 
     if is_zoo(directory):
         about_stored = [options.pop(name) for name in ("only", "pictures", "run", "trust")]
@@ -301,10 +301,10 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
+    from mrta_falsify.commands.corpus import counts_by_fate
+    from mrta_falsify.commands.stored_failures import keeps_engine, recheck_corpus
+    from mrta_falsify.commands.trust import open_to_run
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.corpus import counts_by_fate
-    from mrta_falsify.verbs.stored_failures import keeps_engine, recheck_corpus
-    from mrta_falsify.verbs.trust import open_to_run
 
     campaign = open_to_run(directory, options["trust"])
     if (options["stack"] or options["settings"]) and keeps_engine(
@@ -340,8 +340,8 @@ def _print_rechecks(rows: tuple[Recheck, ...]) -> None:
 
 
 def _zoo(name: str, style: str, options: dict[str, Any]) -> int:
+    from mrta_falsify.commands.zoo import counts_of_scenes, run_zoo, scenes_named
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.zoo import counts_of_scenes, run_zoo, scenes_named
 
     done: list[SceneCheck] = []
     with output.progress(name, len(scenes_named(name)), "scenes") as on_progress:

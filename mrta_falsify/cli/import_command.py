@@ -18,8 +18,8 @@ from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.words import clock_text, date_text
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.floor_import import ImportedFloor, ImportedRoom
-    from mrta_falsify.verbs.incident.importing import Confirmation, ImportedLog
+    from mrta_falsify.commands.floor_import import ImportedFloor, ImportedRoom
+    from mrta_falsify.commands.incident.importing import Confirmation, ImportedLog
 
 SUSPECTED = {"deadlock": "a deadlock of", "stuck": "to be stuck:"}  # what a log shows, by kind
 
@@ -71,7 +71,7 @@ def import_command(map: Path, style: str, **options: Any) -> int:
     whose lanes are kept. Of a log (a rosbag2 folder, a folder of several bags of one run, an .mcap
     or .db3 file, or a run's folder): who waited for whom, and the worlds near by.
     """
-    from mrta_falsify.verbs.incident.logs import is_log
+    from mrta_falsify.commands.incident.logs import is_log
 
     is_of_log = is_log(map)
     names = ("rooms", "level") if is_of_log else ("floor", "stack", "settings")
@@ -84,7 +84,7 @@ def import_command(map: Path, style: str, **options: Any) -> int:
 
 
 def _import_log(log: Path, style: str, **options: Any) -> int:
-    from mrta_falsify.verbs.incident.importing import import_log
+    from mrta_falsify.commands.incident.importing import import_log
 
     done = import_log(log, **options)
     if style == "json":
@@ -132,7 +132,7 @@ def _confirmed_text(done: Confirmation) -> str:
 
 
 def _import_map(map: Path, style: str, **options: Any) -> int:
-    from mrta_falsify.verbs.floor_import import import_floor
+    from mrta_falsify.commands.floor_import import import_floor
 
     with output.progress(f"import {map.name}", 1, "steps") as on_progress:
         done = import_floor(map, **options, on_progress=on_progress)

@@ -36,7 +36,7 @@ def issue_command(
     What happened in two sentences, the world (the smallest one after `minimize`), commands,
     versions, a picture and a GIF; the scene for Nav2, MRTA-Sim and Open-RMF.
     """
-    from mrta_falsify.verbs.issue import issue
+    from mrta_falsify.commands.issue import issue
 
     found = issue(directory, id, output, run=run, trust=trust)
     if style == "json":

@@ -75,9 +75,9 @@ def bench_command(
     style: str,
 ) -> int:
     """Measure the speed of every layer on this machine, on one core."""
+    from mrta_falsify.commands.bench.benchmark import bench, step_count
+    from mrta_falsify.commands.stacks import load_stack
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.bench.benchmark import bench, step_count
-    from mrta_falsify.verbs.stacks import load_stack
 
     config = load_stack(stack, settings)
     with output.progress("bench", step_count(robots, engines, config), "steps") as on_progress:
@@ -118,8 +118,8 @@ def _print_figures(data: dict[str, Any], indent: str = "") -> None:
 @format_option
 def plugins_command(schemas: Path | None, style: str) -> int:
     """List the components of every extension point, and the planted defects."""
+    from mrta_falsify.commands.plugins import plugins
     from mrta_falsify.core.defects import defect
-    from mrta_falsify.verbs.plugins import plugins
 
     found = plugins(schemas)
     written = {"schemas": found.schemas} if found.schemas else {}
@@ -147,7 +147,7 @@ def plugins_command(schemas: Path | None, style: str) -> int:
 @format_option
 def doctor_command(style: str) -> int:
     """Check this machine: Python, libraries, compiled-code cache, determinism, extras."""
-    from mrta_falsify.verbs.doctor import doctor, is_healthy
+    from mrta_falsify.commands.doctor import doctor, is_healthy
 
     checks = doctor()
     if style == "json":
@@ -170,8 +170,8 @@ def stack_test_command(command: str, robots: tuple[int, ...], style: str) -> int
 
     CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`.
     """
+    from mrta_falsify.commands.stack_test.testing import stack_test, steps
     from mrta_falsify.core import codec
-    from mrta_falsify.verbs.stack_test.testing import stack_test, steps
 
     with output.progress("stack-test", steps(robots), "steps") as on_progress:
         report = stack_test(command, robots=robots, on_progress=on_progress)

@@ -27,8 +27,8 @@ from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.words import listed, number_text
 
 if TYPE_CHECKING:
+    from mrta_falsify.commands.check import CheckSummary, ProgramCheck
     from mrta_falsify.core.candidate import Dimension
-    from mrta_falsify.verbs.check import CheckSummary, ProgramCheck
 
 MAX_LETTERS = 60  # of the options of a choice
 SHOWN_REJECTERS = 10
@@ -76,7 +76,7 @@ def check_command(
     """
     if bool(scenarios) == everything:
         raise click.UsageError("give a SCENARIO or several, or --all")
-    from mrta_falsify.verbs.folders import make_directory
+    from mrta_falsify.commands.folders import make_directory
     from scenic_worlds.shipped import scenario_names
 
     directory = options.pop("output")
@@ -88,7 +88,7 @@ def check_command(
 
 
 def _check_one(name: str, options: dict[str, Any], directory: Path | None, style: str) -> int:
-    from mrta_falsify.verbs.check import check, summarise_check
+    from mrta_falsify.commands.check import check, summarise_check
 
     with output.progress(name, options["count"], "scenes") as on_progress:
         done = check(name, directory, on_progress=on_progress, **options)
@@ -105,7 +105,7 @@ def _check_many(
     names: tuple[str, ...], options: dict[str, Any], directory: Path | None, style: str
 ) -> int:
     """Check one program after the other, also after one that fails."""
-    from mrta_falsify.verbs.check import check, summarise_check, write_check
+    from mrta_falsify.commands.check import check, summarise_check, write_check
 
     checked: dict[str, CheckSummary | InputError] = {}
     with output.progress("check", len(names), "programs") as on_progress:
@@ -299,7 +299,7 @@ def sample_command(scenario: str, count: int, **options: Any) -> int:
     They are the first candidates of a random campaign with the same seed. The stack's
     costmap options make the maps.
     """
-    from mrta_falsify.verbs.sample import sample
+    from mrta_falsify.commands.sample import sample
 
     with output.progress(scenario, count, "worlds") as on_progress:
         samples = sample(scenario, count=count, on_progress=on_progress, **options)

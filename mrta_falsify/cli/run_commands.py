@@ -24,7 +24,7 @@ from mrta_falsify.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from mrta_falsify.verbs.run import RunSummary
+    from mrta_falsify.commands.run import RunSummary
 
 STYLES = {"violated": "red", "not_judged": "yellow"}  # of a verdict's row, by its outcome
 WORLD_HELP = (
@@ -93,11 +93,11 @@ def run_command(
     directory = options["output"]
     if (options["gif"] or options["mp4"]) and directory is None:
         raise click.UsageError("--gif and --mp4 need -o DIR")
+    from mrta_falsify.commands import run as running
+    from mrta_falsify.commands.crowd_cost import cost_of
+    from mrta_falsify.commands.stacks import load_stack
+    from mrta_falsify.commands.worlds import find_world_and_scene
     from mrta_falsify.trial import refuse_unjudgeable
-    from mrta_falsify.verbs import run as running
-    from mrta_falsify.verbs.crowd_cost import cost_of
-    from mrta_falsify.verbs.stacks import load_stack
-    from mrta_falsify.verbs.worlds import find_world_and_scene
 
     chosen = (*settings, running.SHOW_WINDOW) if options["gui"] else settings
     config = load_stack(stack, chosen)
@@ -200,9 +200,9 @@ def travel_times_command(
     path: Path = options["output"]
     if path.suffix not in (".csv", ".json"):
         raise click.UsageError(f"-o {path}: the file must end in .csv or .json")
-    from mrta_falsify.verbs.stacks import load_stack
-    from mrta_falsify.verbs.travel_times import write_travel_times
-    from mrta_falsify.verbs.worlds import find_world
+    from mrta_falsify.commands.stacks import load_stack
+    from mrta_falsify.commands.travel_times import write_travel_times
+    from mrta_falsify.commands.worlds import find_world
 
     config, found = load_stack(stack, settings), find_world(world)
     pairs = len(found.rooms) * (len(found.rooms) - 1)

@@ -27,9 +27,9 @@ from mrta_falsify.core import codec
 if TYPE_CHECKING:
     from mrta_falsify.campaigns.foreign import Trust
     from mrta_falsify.campaigns.trial_index import TrialRow
+    from mrta_falsify.commands.replay import Replay
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.core.verdict import Verdict
-    from mrta_falsify.verbs.replay import Replay
 
 
 @main.command("list")
@@ -72,8 +72,8 @@ def _listed(directory: Path) -> tuple[tuple[TrialRow, ...], Callable[[], tuple[s
     if index is not None:
         rows = explained_rows(directory, index)
         return rows, lambda: index_summary(index, rows)
-    from mrta_falsify.verbs.report.build import short_summary
-    from mrta_falsify.verbs.stored_trials import open_campaign, trial_rows
+    from mrta_falsify.commands.report.build import short_summary
+    from mrta_falsify.commands.stored_trials import open_campaign, trial_rows
 
     campaign = open_campaign(directory)
     rows = trial_rows(campaign)
@@ -127,16 +127,16 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
 @format_option
 def show_command(directory: Path, id: str, style: str) -> int:
     """Show one trial: verdicts, evidence, digests, how to replay it."""
+    from mrta_falsify.analysis.certify.sentences import claim_sentences, read_certificate
     from mrta_falsify.campaigns.store import read_trial
-    from mrta_falsify.core.claims import KIND_TEXT
-    from mrta_falsify.specs.causes import kind_of
-    from mrta_falsify.verbs.certify.sentences import claim_sentences, read_certificate
-    from mrta_falsify.verbs.stored_trials import (
+    from mrta_falsify.commands.stored_trials import (
         compared_sentences,
         explained_reason,
         layer_of,
         what_happened,
     )
+    from mrta_falsify.core.claims import KIND_TEXT
+    from mrta_falsify.specs.causes import kind_of
     from reports.sentences import beside_sentences, coupling_facts
 
     campaign = read_trial(directory, id)
@@ -238,7 +238,7 @@ def replay_command(
     from the stored trace. For a trial that another version recorded, verdicts count instead of
     digests.
     """
-    from mrta_falsify.verbs.replay import replay, summarise_replay
+    from mrta_falsify.commands.replay import replay, summarise_replay
 
     result = replay(directory, id, verify, live, against=against, trust=trust)
     if style == "json":

@@ -36,7 +36,7 @@ class Counterfactual:
 class LayerRow:
     """What became of a failure in copies of its world, with one layer exchanged.
 
-    ``mrta_falsify/verbs/explain/rows.py`` says what counts as what.
+    ``mrta_falsify/analysis/explain/rows.py`` says what counts as what.
     """
 
     layer: str  #: that was exchanged; empty: the stack as it is
@@ -182,7 +182,7 @@ class CertifiedMember(Standing):
 class Certificate:
     """A closed circle of waits that follows from a trial's World and trace.
 
-    ``mrta_falsify/verbs/certify/checker.py`` says what it claims, and checks it.
+    ``mrta_falsify/analysis/certify/checker.py`` says what it claims, and checks it.
     """
 
     world: str  #: digest

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from mrta_falsify.commands.folders import Place
+from mrta_falsify.commands.stacks import Stack
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.world import World
 from mrta_falsify.stack.policy.observation import PARTS, SIZE
-from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stacks import Stack
 
 if TYPE_CHECKING:
     from mrta_falsify.gym.fleet_env import FleetEnv

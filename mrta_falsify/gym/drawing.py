@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from mrta_falsify.commands.folders import Place
+from mrta_falsify.commands.programs import open_scenario
+from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.candidate import Candidate, SearchSpace
 from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.seeding import candidate_seed
 from mrta_falsify.core.world import World
-from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.programs import open_scenario
-from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds import variation
 from scenic_worlds.shipped import scenario_names
 

@@ -11,6 +11,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from pettingzoo import ParallelEnv
 
+from mrta_falsify.commands.folders import Place
+from mrta_falsify.commands.stacks import Stack, load_stack
 from mrta_falsify.core.arrays import Array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import ConfigError, WorldError
@@ -23,8 +25,6 @@ from mrta_falsify.specs.library import spec_names
 from mrta_falsify.stack.policy.observation import ACTIONS, Observations, bounds, observe, twists_of
 from mrta_falsify.stack.policy.policy_controller import on_their_own
 from mrta_falsify.trial import Job, TrialWatch, campaign_specifications, judges_of, summed_up
-from mrta_falsify.verbs.folders import Place
-from mrta_falsify.verbs.stacks import Stack, load_stack
 from simulator_interface.simulate import EpisodeRun
 
 

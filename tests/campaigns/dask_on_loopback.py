@@ -13,11 +13,11 @@ from mrta_falsify.campaigns.executors import SerialExecutor
 from mrta_falsify.campaigns.runner import run_campaign
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import TRIALS, Store
+from mrta_falsify.commands.campaign import run_store
+from mrta_falsify.commands.campaign_settings import new_settings
+from mrta_falsify.commands.workers import chosen_executor
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError, HarnessError, InputError, PlaceError
-from mrta_falsify.verbs.campaign import run_store
-from mrta_falsify.verbs.campaign_settings import new_settings
-from mrta_falsify.verbs.workers import chosen_executor
 from tests.campaigns.logs import files_of_trials, log_without_times
 from tests.campaigns.standin import settings
 from tests.quick_program import PROGRAM

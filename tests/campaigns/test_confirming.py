@@ -7,12 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
+from mrta_falsify.commands.campaign import campaign
+from mrta_falsify.commands.stored_trials import list_trials, open_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.record import EngineRun, TrialRecord
 from mrta_falsify.core.run_result import Vote
-from mrta_falsify.verbs.campaign import campaign
-from mrta_falsify.verbs.stored_trials import list_trials, open_campaign
 from tests.quick_program import PROGRAM
 
 

@@ -8,11 +8,11 @@ from mrta_falsify.campaigns.rare_events import mean_interval, rare_probability
 from mrta_falsify.campaigns.runner import run_campaign
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import Store, read_campaign
+from mrta_falsify.commands.campaign_summary import probability_of
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.feedback import Estimates
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.verbs.campaign_summary import probability_of
 from tests.campaigns.standin import settings
 
 SPLITTING = Choice(

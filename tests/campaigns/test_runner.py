@@ -14,11 +14,11 @@ from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.runner import feedback_of, run_campaign, sampler_options
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import RECORDS, Store, StoreError, read_campaign
+from mrta_falsify.commands.campaign import resume_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import HarnessError, InputError
 from mrta_falsify.testing.records import changed
-from mrta_falsify.verbs.campaign import resume_campaign
 from tests.campaigns.logs import files_of_trials, log_without_times
 from tests.campaigns.standin import settings
 from tests.survival.kept_trials import kept_settings

@@ -8,9 +8,9 @@ from mrta_falsify.campaigns.saturation import Saturation
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.stats import CampaignStats
 from mrta_falsify.campaigns.store import Store
+from mrta_falsify.commands.workers import open_executor
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.seeding import stream
-from mrta_falsify.verbs.workers import open_executor
 
 from .standin import settings
 

@@ -9,7 +9,7 @@ import pytest
 
 import mrta_falsify as mf
 from mrta_falsify.campaigns.store import read_campaign
-from mrta_falsify.verbs.stacks import load_other_stack
+from mrta_falsify.commands.stacks import load_other_stack
 from tests.quick_program import PROGRAM
 
 #: a stack that plans nothing once a deadline cannot be met, against the default one

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.commands.check import check
+from mrta_falsify.commands.programs import draw_candidates, open_scenario
+from mrta_falsify.commands.sample import sample
+from mrta_falsify.commands.stacks import costmap_of
+from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.candidate import Candidate
 from mrta_falsify.core.costmap import LETHAL
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs.check import check
-from mrta_falsify.verbs.programs import draw_candidates, open_scenario
-from mrta_falsify.verbs.sample import sample
-from mrta_falsify.verbs.stacks import costmap_of
-from mrta_falsify.verbs.worlds import find_world
 from simulator_interface.formats import nav2
 
 pytestmark = pytest.mark.slow  # compiles Scenic programs

@@ -10,8 +10,8 @@ from mrta_falsify.campaigns import runner
 from mrta_falsify.campaigns.settings import MAX_TRIALS, Limits
 from mrta_falsify.campaigns.store import Store, read_campaign_settings
 from mrta_falsify.cli.options import Duration
+from mrta_falsify.commands.campaign import resume_campaign, run_store
 from mrta_falsify.core.config import Choice
-from mrta_falsify.verbs.campaign import resume_campaign, run_store
 from tests.campaigns import standin
 
 

@@ -9,14 +9,14 @@ import sys
 import pytest
 import yaml
 
+from mrta_falsify.commands import run as running
+from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core import registry
 from mrta_falsify.core.defects import defect, defect_names
 from mrta_falsify.core.interruption import Interrupted
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import read_world
 from mrta_falsify.specs.library import default_specifications
-from mrta_falsify.verbs import run as running
-from mrta_falsify.verbs.worlds import find_world
 
 QUICK = ("--set", "engine=kinematic")
 

@@ -12,14 +12,14 @@ import mrta_falsify as mf
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import FORMAT_VERSION, Store, read_campaign_settings
 from mrta_falsify.cli import campaign_output, compare_command, output
+from mrta_falsify.commands import doctor
+from mrta_falsify.commands.campaign import run_store
+from mrta_falsify.commands.replay import replay
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.run_result import RunResult, Vote
 from mrta_falsify.testing.records import trial_record
-from mrta_falsify.verbs import doctor
-from mrta_falsify.verbs.campaign import run_store
-from mrta_falsify.verbs.replay import replay
 from tests.campaigns import standin
 
 RECORDED = Path(__file__).parent.parent / "recorded" / "campaigns"
@@ -101,7 +101,7 @@ def test_a_replay_of_another_versions_trial_says_so(cli, tmp_path):
 def test_verdicts_decide_on_a_version_whose_digests_differ(tmp_path, monkeypatch):
     shutil.copytree(RECORDED / "stalls", tmp_path / "stalls")
     record = mf.show(tmp_path / "stalls", 4)
-    from mrta_falsify.verbs import replay as replaying
+    from mrta_falsify.commands import replay as replaying
 
     def elsewhere(lab, experiments):
         verdicts = record.verdicts if len(seen) == 0 else ()
@@ -191,7 +191,7 @@ def test_tables_fit_80_columns(cli, monkeypatch, tmp_path):
 
 def test_the_table_of_a_comparison_fits_80_columns(capsys, monkeypatch):
     from mrta_falsify.campaigns.survival import SearchCost
-    from mrta_falsify.verbs.search_outcomes import SearchOutcome, sampler_rows
+    from mrta_falsify.commands.search_outcomes import SearchOutcome, sampler_rows
 
     monkeypatch.setenv("COLUMNS", "80")
     one = [
@@ -290,7 +290,7 @@ def test_a_campaign_in_a_pipe_says_how_long_it_will_take(capsys, monkeypatch, tm
 @pytest.mark.parametrize(("told", "deadlocks"), [(3, 0), (4, 1), (8, 1)])
 def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys, told, deadlocks):
     from mrta_falsify.campaigns.runner import Progress
-    from mrta_falsify.verbs.campaign import CampaignResult
+    from mrta_falsify.commands.campaign import CampaignResult
 
     campaign = mf.open_campaign(RECORDED / "beds")
     counts = Progress(campaign.settings, limits=Limits(stop_after=1))
@@ -308,7 +308,7 @@ def test_the_sum_of_a_campaign_counts_what_the_search_knew_when_it_ended(capsys,
 
 def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
     from mrta_falsify.campaigns.runner import Progress
-    from mrta_falsify.verbs.campaign import CampaignResult
+    from mrta_falsify.commands.campaign import CampaignResult
 
     campaign = mf.open_campaign(RECORDED / "beds")
     counts = Progress(campaign.settings, limits=Limits(stop_after=1))

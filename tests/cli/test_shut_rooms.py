@@ -6,9 +6,9 @@ import json
 
 import pytest
 
+from mrta_falsify.commands.campaign import campaign
+from mrta_falsify.commands.campaign_summary import summarise_campaign
 from mrta_falsify.core import codec
-from mrta_falsify.verbs.campaign import campaign
-from mrta_falsify.verbs.campaign_summary import summarise_campaign
 
 pytestmark = pytest.mark.slow  # compiles a Scenic program, and runs short campaigns
 

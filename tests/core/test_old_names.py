@@ -1,6 +1,10 @@
-"""Old names of a record answer, and warn with what says the same now."""
+"""Old names of records and modules answer, and warn with what says the same now."""
 
 from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -49,3 +53,20 @@ def test_runs_on_other_engines():
 def test_a_name_that_never_was_is_none():
     with pytest.raises(AttributeError, match="has no attribute 'is_found'"):
         _ = record().is_found
+
+
+def test_modules_of_a_renamed_package_answer_by_their_old_names():
+    with pytest.warns(DeprecationWarning, match="is called mrta_falsify.analysis.explain.rows now"):
+        from mrta_falsify.verbs.explain.rows import told
+    from mrta_falsify.analysis.explain import rows
+
+    assert told is rows.told
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("mrta_falsify.verbs.nothing_of_the_kind")
+
+
+def test_a_module_is_run_by_its_old_name():
+    command = [sys.executable, "-m", "mrta_falsify.verbs.certify.checker", "nowhere"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "nowhere" in done.stderr.splitlines()[-1]
+    assert "No module named" not in done.stderr

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.stack_failure import StackLimits
@@ -18,7 +19,6 @@ from mrta_falsify.core.world import Task
 from mrta_falsify.process.budget import Budget
 from mrta_falsify.process.watch import Watch, under
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.verbs.worlds import find_world
 from scenic_worlds.layouts import load_world
 from simulator_interface.simulate import simulate
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.verbs.worlds import find_world
+from mrta_falsify.commands.worlds import find_world
 from simulator_interface.formats.mrta_sim_files import robot_setup, task_stream
 
 SMALLEST = Path(__file__).resolve().parents[2] / "examples" / "mrta_sim" / "smallest"

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands.stored_trials import open_campaign
 
 ROOT = Path(__file__).parent.parent.parent
 SHORT_DAY = """

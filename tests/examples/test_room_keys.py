@@ -12,9 +12,9 @@ from click.testing import CliRunner
 
 from mrta_falsify.campaigns.store import Campaign
 from mrta_falsify.cli import main
+from mrta_falsify.commands.stored_trials import open_campaign
 from mrta_falsify.core.trace import read_trace
 from mrta_falsify.core.world import read_world
-from mrta_falsify.verbs.stored_trials import open_campaign
 
 ROOT = Path(__file__).parent.parent.parent
 FOLDER = ROOT / "examples" / "room_keys"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.verbs.stacks import load_stack
+from mrta_falsify.commands.stacks import load_stack
 from scenic_worlds.program import compile_program
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

@@ -8,13 +8,13 @@ import sys
 import pytest
 
 import mrta_falsify as mf
+from mrta_falsify.commands.run import summarise_run
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.world import write_world
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.specs.repeatable import Repeatable
 from mrta_falsify.testing.planted import STANDS
-from mrta_falsify.verbs.run import summarise_run
 from simulator_interface.external.transcript import read_transcript, write_transcript
 from simulator_interface.simulate import simulate
 from tests.external.lane_worlds import HERE, ROOT, lane_world

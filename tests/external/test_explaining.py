@@ -11,6 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrta_falsify.analysis.explain import needs_sentences
+from mrta_falsify.analysis.explain.absences import absences_of
+from mrta_falsify.analysis.explain.explaining import explain_job
+from mrta_falsify.analysis.explain.schedules import with_ties_reversed
+from mrta_falsify.analysis.explain.whole_runs import fate_in, looking_for
 from mrta_falsify.campaigns.finding_files import read_finding, write_finding
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
@@ -21,11 +26,6 @@ from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import Furniture, Task, World
 from mrta_falsify.lab import Experiment, Lab, RunResult
 from mrta_falsify.trial import Job
-from mrta_falsify.verbs.explain import needs_sentences
-from mrta_falsify.verbs.explain.absences import absences_of
-from mrta_falsify.verbs.explain.explaining import explain_job
-from mrta_falsify.verbs.explain.schedules import with_ties_reversed
-from mrta_falsify.verbs.explain.whole_runs import fate_in, looking_for
 from tests.external.test_repeats import result, violated
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from mrta_falsify.commands.stacks import load_stack
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.stack_failure import StackLimits
 from mrta_falsify.process.budget import Budget
 from mrta_falsify.process.watch import Watch, under
-from mrta_falsify.verbs.stacks import load_stack
 from scenic_worlds.layouts import load_world
 from simulator_interface.simulate import Outcome, simulate
 

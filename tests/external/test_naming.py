@@ -8,9 +8,9 @@ import sys
 import pytest
 
 from mrta_falsify.campaigns import code_digest as digests
+from mrta_falsify.commands.stacks import load_stack
 from mrta_falsify.core.config import read_config
 from mrta_falsify.core.errors import ConfigError, InputError
-from mrta_falsify.verbs.stacks import load_stack
 
 
 def test_a_command_is_split_as_a_shell_would(tmp_path, monkeypatch):

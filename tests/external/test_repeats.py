@@ -12,13 +12,13 @@ from click.testing import CliRunner
 import mrta_falsify as mf
 from mrta_falsify.campaigns.stats import RepeatCounts
 from mrta_falsify.cli.group import main
+from mrta_falsify.commands.stacks import load_stack
 from mrta_falsify.core import codec
 from mrta_falsify.core.probability import failure_probability
 from mrta_falsify.core.record import Repeats, TrialRecord
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.lab import RunResult
 from mrta_falsify.trial import campaign_specifications
-from mrta_falsify.verbs.stacks import load_stack
 from mrta_falsify.worker import counted_repeats
 from tests.quick_program import PROGRAM
 

@@ -11,7 +11,7 @@ from tests.faults.table import read_faults
 
 TREE = Path(__file__).resolve().parents[2]
 FAULTS = read_faults()
-PACKAGES = ("core", "stack", "specs", "campaigns", "verbs", "cli")
+PACKAGES = ("core", "stack", "specs", "campaigns", "analysis", "commands", "cli")
 FOLDERS = (
     *(f"mrta_falsify/{package}" for package in PACKAGES),
     *("simulator_interface", "scenic_worlds", "samplers", "reports"),

@@ -4,9 +4,9 @@ import sys
 
 import pytest
 
+from mrta_falsify.commands.stacks import load_stack
 from mrta_falsify.core.config import decode_config
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.stacks import load_stack
 
 
 @pytest.mark.parametrize(

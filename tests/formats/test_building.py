@@ -12,12 +12,12 @@ import pytest
 import yaml
 from shapely.geometry import LineString, Point, Polygon
 
+from mrta_falsify.commands.floor_import import import_floor
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.errors import InputError
 from mrta_falsify.core.world import RobotSpec, Task
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.verbs.floor_import import import_floor
 from scenic_worlds.layouts import layout_names, load_layout, load_world, world_names
 from scenic_worlds.layouts.derivation import derive_layout
 from simulator_interface.formats.floor_yaml import read_floor

@@ -7,14 +7,14 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from mrta_falsify.commands import export as exporting
+from mrta_falsify.commands.stacks import costmap_of
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import ConfigError, WorldError
 from mrta_falsify.core.fleet import BlockedBy
 from mrta_falsify.core.trace import EdgeSpan
 from mrta_falsify.core.world import Blockage
-from mrta_falsify.verbs import export as exporting
-from mrta_falsify.verbs.stacks import costmap_of
 from simulator_interface.formats import mrta_sim
 from simulator_interface.formats.mcap import write_mcap
 from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim

@@ -14,12 +14,12 @@ import pytest
 import yaml
 from PIL import Image
 
+from mrta_falsify.commands import export as exporting
+from mrta_falsify.commands.stacks import costmap_of
 from mrta_falsify.core.arrays import frozen_array
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.costmap import LETHAL
 from mrta_falsify.core.world import Blockage
-from mrta_falsify.verbs import export as exporting
-from mrta_falsify.verbs.stacks import costmap_of
 from simulator_interface.formats.mcap import RATE, write_mcap
 from simulator_interface.formats.mrta_sim_files import NAMES, write_mrta_sim
 from simulator_interface.formats.nav2 import occupancy_of, read_nav2_map, write_occupancy

@@ -9,9 +9,9 @@ import shlex
 import numpy as np
 import yaml
 
+from mrta_falsify.commands.export import export
 from mrta_falsify.core.geometry import rectangle
 from mrta_falsify.core.world import Lane, Resource
-from mrta_falsify.verbs.export import export
 from simulator_interface.formats.nav2_goals import goals_of
 from simulator_interface.formats.open_rmf import building_map, dispatch_script
 

@@ -6,10 +6,10 @@ import json
 
 import pytest
 
+from mrta_falsify.commands.allocate import allocate, summarise_plan
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError
-from mrta_falsify.verbs.allocate import allocate, summarise_plan
 from simulator_interface.formats.smrta import read_case, read_travel_times
 
 TIMES = [[0, 10, 20], [10, 0, 10], [20, 10, 0]]

@@ -26,6 +26,9 @@ from mrta_falsify.campaigns.finding_files import FILE_NAMES, read_finding
 from mrta_falsify.campaigns.journal import RunJournal
 from mrta_falsify.campaigns.settings import CampaignSettings
 from mrta_falsify.campaigns.store import read_campaign
+from mrta_falsify.commands.ci.ledger import Ledger
+from mrta_falsify.commands.ci.project import ProjectFile
+from mrta_falsify.commands.stored_trials import trial_rows
 from mrta_falsify.core import codec, trace
 from mrta_falsify.core.config import StackConfig, apply_setting, read_config
 from mrta_falsify.core.errors import InputError, InputNote
@@ -33,9 +36,6 @@ from mrta_falsify.core.findings import Certificate, Explanation, Minimisation, R
 from mrta_falsify.core.record import PerturbedRuns, TrialRecord
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.specs.library import specification_choice
-from mrta_falsify.verbs.ci.ledger import Ledger
-from mrta_falsify.verbs.ci.project import ProjectFile
-from mrta_falsify.verbs.stored_trials import trial_rows
 from scenic_worlds.zoo import SceneFile
 from simulator_interface.engines.robot_models import RobotModel
 from simulator_interface.external import transcript

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 import mrta_falsify as mf
-from mrta_falsify.verbs.ci.project import read_project
-from mrta_falsify.verbs.worlds import find_world
+from mrta_falsify.commands.ci.project import read_project
+from mrta_falsify.commands.worlds import find_world
 from scenic_worlds.program import compile_program
 from simulator_interface.formats.floor_yaml import read_floor
 

@@ -14,8 +14,8 @@ from mrta_falsify.campaigns.rules import JUDGED_SINCE
 from mrta_falsify.campaigns.signature import signature, signature_before
 from mrta_falsify.campaigns.store import read_campaign
 from mrta_falsify.cli import main
+from mrta_falsify.commands.ci.ledger import Example, Finding, changes_of, merged, read_ledger
 from mrta_falsify.core.record import versions
-from mrta_falsify.verbs.ci.ledger import Example, Finding, changes_of, merged, read_ledger
 from tests.recorded.record import (
     CAMPAIGNS,
     ENGINES,

@@ -11,6 +11,7 @@ from mrta_falsify.campaigns.rules import RULES
 from mrta_falsify.campaigns.settings import CampaignSettings, TrialSettings
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Campaign, Store, trial_folder
+from mrta_falsify.commands.stored_trials import open_campaign
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.feedback import Cube
 from mrta_falsify.core.record import versions
@@ -21,7 +22,6 @@ from mrta_falsify.specs.objectives import search_score
 from mrta_falsify.testing.planted import PLANTS, STANDS
 from mrta_falsify.testing.records import trial_record
 from mrta_falsify.trial import Job, Judged, judge, on_kinematic_engine
-from mrta_falsify.verbs.stored_trials import open_campaign
 
 #: with the defect of the fixture ``stalled``
 BROKEN = on_kinematic_engine(StackConfig(defects=("same_room_twice_stalls",)))

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from mrta_falsify.verbs import report as reporting
-from mrta_falsify.verbs.stored_trials import open_campaign
+from mrta_falsify.commands import report as reporting
+from mrta_falsify.commands.stored_trials import open_campaign
 from tests import browser
 
 AXE = Path(os.environ.get("AXE_CORE", "/tmp/axe/node_modules/axe-core/axe.min.js"))

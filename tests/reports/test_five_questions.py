@@ -14,9 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
+from mrta_falsify.commands import report as reporting
 from mrta_falsify.core.defects import defect as planted
 from mrta_falsify.specs.attribution import HOLDER_OF_CAUSE
-from mrta_falsify.verbs import report as reporting
 from tests.reports import newcomer
 from tests.reports.planted import planted_campaign
 

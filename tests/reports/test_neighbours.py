@@ -9,16 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from mrta_falsify.cli import main
-from mrta_falsify.core.candidate import Dimension, SearchSpace
-from mrta_falsify.core.config import Choice
-from mrta_falsify.core.errors import InputError
-from mrta_falsify.core.feedback import Cube
-from mrta_falsify.core.trace import read_trace
-from mrta_falsify.core.verdict import Verdict
-from mrta_falsify.testing.records import changed
-from mrta_falsify.verbs import made_again
-from mrta_falsify.verbs.report.overview import summary_sentences
-from mrta_falsify.verbs.report.parameters import (
+from mrta_falsify.commands import made_again
+from mrta_falsify.commands.report.overview import summary_sentences
+from mrta_falsify.commands.report.parameters import (
     nearest_passing,
     neighbour_of,
     parameter_importances,
@@ -26,8 +19,15 @@ from mrta_falsify.verbs.report.parameters import (
     rank_dimensions,
     trial_table,
 )
-from mrta_falsify.verbs.report.reading import view_of
-from mrta_falsify.verbs.stored_failures import keep_neighbours
+from mrta_falsify.commands.report.reading import view_of
+from mrta_falsify.commands.stored_failures import keep_neighbours
+from mrta_falsify.core.candidate import Dimension, SearchSpace
+from mrta_falsify.core.config import Choice
+from mrta_falsify.core.errors import InputError
+from mrta_falsify.core.feedback import Cube
+from mrta_falsify.core.trace import read_trace
+from mrta_falsify.core.verdict import Verdict
+from mrta_falsify.testing.records import changed
 from tests.reports.planted import stalled_campaign
 
 SPACE = SearchSpace(

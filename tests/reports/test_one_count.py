@@ -10,13 +10,18 @@ import pytest
 
 from mrta_falsify.campaigns.signature import signature
 from mrta_falsify.campaigns.store import Store
+from mrta_falsify.commands.report.build import build_report
+from mrta_falsify.commands.stored_trials import (
+    list_trials,
+    open_campaign,
+    show_trial,
+    what_happened,
+)
 from mrta_falsify.core.claims import KIND_TEXT
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.specs.library import default_specifications
 from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import late_or_undone
-from mrta_falsify.verbs.report.build import build_report
-from mrta_falsify.verbs.stored_trials import list_trials, open_campaign, show_trial, what_happened
 from tests.reports.planted import stalled_campaign
 
 OTHERS = ("no_deadlock", "stack_runs", "repeatable")

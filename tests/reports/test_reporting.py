@@ -16,6 +16,9 @@ from click.testing import CliRunner
 
 from mrta_falsify.campaigns.store import SETTINGS, Campaign, Store
 from mrta_falsify.cli import main
+from mrta_falsify.commands import report as reporting
+from mrta_falsify.commands.report import build
+from mrta_falsify.commands.stored_trials import open_campaign
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.record import TrialRecord
@@ -23,9 +26,6 @@ from mrta_falsify.core.run_result import RunResult
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.testing.records import changed
 from mrta_falsify.trial import Job, on_kinematic_engine
-from mrta_falsify.verbs import report as reporting
-from mrta_falsify.verbs.report import build
-from mrta_falsify.verbs.stored_trials import open_campaign
 from reports.page import draw_page, render_page
 from tests import browser
 from tests.reports.newcomer import lines_of

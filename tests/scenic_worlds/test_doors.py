@@ -8,7 +8,7 @@ import shapely
 from PIL import Image
 from shapely.geometry import Point, Polygon
 
-from mrta_falsify.verbs.floor_import import import_floor
+from mrta_falsify.commands.floor_import import import_floor
 from reports.colours import UNSAFE
 from scenic_worlds.layouts import load_layout
 from scenic_worlds.layouts.derivation import derive_layout

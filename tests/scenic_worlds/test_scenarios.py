@@ -13,12 +13,12 @@ import shapely
 from shapely.geometry import LineString, Polygon
 
 import mrta_falsify as mf
+from mrta_falsify.commands.run import run
+from mrta_falsify.commands.stacks import costmap_of
 from mrta_falsify.core import registry
 from mrta_falsify.core.config import LAYERS, StackConfig, apply_setting
 from mrta_falsify.core.protocols import Plan
 from mrta_falsify.core.world import CRUISE
-from mrta_falsify.verbs.run import run
-from mrta_falsify.verbs.stacks import costmap_of
 from scenic_worlds.program import compile_program
 from scenic_worlds.shipped import SCENARIO_DIR, scenario_names, scenario_path
 from simulator_interface.engines import bodies

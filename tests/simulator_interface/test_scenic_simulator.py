@@ -474,7 +474,7 @@ def test_a_finer_time_step_changes_nothing_in_the_world(realise):
 
 def test_the_command_line_runs_a_scripted_program_through_scenic(tmp_path):
     import mrta_falsify as mf
-    from mrta_falsify.verbs.worlds import find_world_and_scene
+    from mrta_falsify.commands.worlds import find_world_and_scene
     from simulator_interface.scenic_bridge.simulator import simulate_scene
 
     path = tmp_path / "own.scenic"

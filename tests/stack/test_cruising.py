@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mrta_falsify.commands.run import run
 from mrta_falsify.core.config import Choice, StackConfig
 from mrta_falsify.core.world import CRUISE, HumanSpec
 from mrta_falsify.stack.cruising import Cruise, look_ahead_of, pace_of, straight_reach
 from mrta_falsify.stack.lookahead import Outlook
 from mrta_falsify.stack.route import LOOK_AHEAD, Way
-from mrta_falsify.verbs.run import run
 from tests.stack.mission_course import ward
 
 BEND = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])

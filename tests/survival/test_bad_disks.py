@@ -10,12 +10,12 @@ import pytest
 from mrta_falsify.campaigns.journal import append_row, read_rows
 from mrta_falsify.campaigns.settings import Limits
 from mrta_falsify.campaigns.store import RECORDS, SETTINGS, Store, StoreError, read_campaign
+from mrta_falsify.commands.campaign import open_store, run_store
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.durable import staged, write_atomically
 from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.core.trace import read_trace
-from mrta_falsify.verbs.campaign import open_store, run_store
 from tests.survival.disks import PowerCuts, read_tree, small_disk, write_tree
 from tests.survival.kept_trials import kept_settings
 

@@ -11,16 +11,16 @@ from types import SimpleNamespace
 import pytest
 from click.testing import CliRunner
 
+from mrta_falsify.analysis.minimize import minimising
 from mrta_falsify.campaigns.finding_files import FILE_NAMES
 from mrta_falsify.cli import main
+from mrta_falsify.commands import replay
+from mrta_falsify.commands.report import build
+from mrta_falsify.commands.stored_failures import write_reports
 from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.world import write_world
 from mrta_falsify.testing.planted import STANDS
-from mrta_falsify.verbs import replay
-from mrta_falsify.verbs.minimize import minimising
-from mrta_falsify.verbs.report import build
-from mrta_falsify.verbs.stored_failures import write_reports
 from tests.reports.planted import BROKEN, stalled_campaign
 from tests.survival.disks import read_tree, small_disk
 

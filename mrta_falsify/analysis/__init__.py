@@ -1,0 +1,1 @@
+"""What follows from a failure: why it happens, what it needs, what proves it."""

@@ -1,1 +1,0 @@
-"""One room per command, callable from Python; the command line only parses and prints."""

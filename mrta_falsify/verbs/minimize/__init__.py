@@ -1,5 +1,0 @@
-"""The command ``minimize``: the smallest world that still fails in the same way."""
-
-from mrta_falsify.verbs.minimize.minimising import minimize
-
-__all__ = ["minimize"]
