@@ -21,7 +21,7 @@ from typing import Any
 
 from mrta_falsify.core.renamed import RenamedModules, renamed_attribute
 
-sys.meta_path.append(RenamedModules())
+sys.meta_path.insert(0, RenamedModules())  # before modules are found by where they lie
 
 #: the commands, and the functions that do their work
 VERBS = {

@@ -1,8 +1,9 @@
 """What commands would run of a campaign, and whether they may (see :mod:`..campaigns.foreign`).
 
-Verbs that look run nothing that is not ours. What they miss they say, and ``--run`` makes it again.
-All other commands ask for ``--trust`` where what they would run is not ours and the folder that names
-it was not made by this user on this machine. Workers ask nothing: who starts them vouches for them.
+Commands that look run nothing that is not ours. What they miss they say, and ``--run`` makes it
+again. All others ask for ``--trust`` where what they would run is not ours and the folder that
+names it was not made by this user on this machine. Workers ask nothing: who starts them vouches for
+them.
 """
 
 from __future__ import annotations

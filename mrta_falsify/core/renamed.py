@@ -80,6 +80,8 @@ def _warn(old: str, new: str, *, depth: int = 3) -> None:
 
 def _name_now(module: str) -> str:
     """Give the name that a module has now; empty if it is not an old one's."""
+    if not module.startswith("mrta_falsify."):
+        return ""
     parts = module.split(".")
     for count in range(len(parts), 1, -1):
         now = MODULES.get(".".join(parts[:count]))

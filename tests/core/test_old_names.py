@@ -56,7 +56,9 @@ def test_a_name_that_never_was_is_none():
 
 
 def test_modules_of_a_renamed_package_answer_by_their_old_names():
-    with pytest.warns(DeprecationWarning, match="is called mrta_falsify.analysis.explain.rows now"):
+    with pytest.warns(
+        DeprecationWarning, match=r"is called mrta_falsify\.analysis\.explain\.rows now"
+    ):
         from mrta_falsify.verbs.explain.rows import told
     from mrta_falsify.analysis.explain import rows
 
