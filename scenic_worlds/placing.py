@@ -60,6 +60,13 @@ class _Piece:
     length: Any
     collides: bool  #: whether it may collide with others at all
 
+    @property
+    def outside(self) -> str:
+        """Say that it has no place in its region."""
+        name = getattr(self.container, "name", None)
+        region = f"its region {name!r}" if isinstance(name, str) and name else "its region"
+        return f"{self.name} is not inside {region}"
+
 
 @dataclass(frozen=True, slots=True)
 class Placed:
@@ -163,7 +170,7 @@ class Placing:
         for row, piece in enumerate(self._pieces):
             outline = sample.values[piece.thing]._boundingPolygon
             if piece.units and not _is_inside(sample.values[piece.container], outline):
-                rejections[f"{piece.name} is not inside its region"] += 1
+                rejections[piece.outside] += 1
                 wrong.add(row)
         pairs = []
         for row, box in enumerate(floor.boxes):
@@ -201,7 +208,7 @@ class Placing:
             for number, (box, hits) in enumerate(self._try(row, floor, sample, batch)):
                 draw = batch[number]
                 if box is None or hits is None:
-                    rejections[f"{piece.name} is not inside its region"] += 1
+                    rejections[piece.outside] += 1
                     continue
                 for other in hits:
                     rejections[self._collision(row, other)] += 1

@@ -109,7 +109,8 @@ def resumable(what: str, journals: Sequence[RunJournal[Any]]) -> Iterator[None]:
     def state() -> tuple[str, str]:
         count = sum(len(journal.answers) for journal in journals if journal.is_kept)
         kept = f"{count} finished run{'' if count == 1 else 's'}" if count else "nothing"
-        return kept, f"{what} has no result; the same command goes on"
+        then = "goes on" if count else "begins anew"
+        return kept, f"{what} has no result; the same command {then}"
 
     try:
         with describe_interrupt(state):

@@ -32,9 +32,15 @@ def why_no_probability(
         accepted: proposals that the scenario took as they were, of how many.
     """
     if not any_uniform and not is_estimating:
+        exact = "" if settings.trials.mode == "exact" else " with --mode exact"
+        if settings.sampler.name == "auto":
+            return (
+                "no trial counts yet: of sampler auto those count that are drawn evenly, one in "
+                f"five{' and only' + exact if exact else ''}"
+            )
         return (
-            f"sampler {settings.sampler.name} looks for failures; use --sampler random, or auto, "
-            "of which one trial in five counts, or splitting if failures are rare"
+            f"sampler {settings.sampler.name} looks for failures; use --sampler random{exact}, or "
+            "auto, of which one trial in five counts, or splitting if failures are rare"
         )
     if settings.trials.mode != "exact":
         as_they_were, proposals = accepted

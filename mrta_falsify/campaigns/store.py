@@ -158,7 +158,9 @@ class Campaign:
     def frame(self) -> pd.DataFrame:
         """Tabulate the trials.
 
-        There is a column for each specification's robustness (``rho.``), each margin
+        ``rank`` says whether a primary specification is violated, only a secondary one, or none;
+        ``uniform`` whether the trial was drawn evenly, as trials for a failure rate must be. There
+        is a column for each specification's robustness (``rho.``), each margin
         (``margin.``), each descriptor (``what.``), and each dimension of the search space under
         its name (after ``param`` where another column has it), with values as a person reads them.
         """
@@ -174,6 +176,8 @@ class Campaign:
                 "score": record.score,
                 "signature": record.signature,
                 "kind": kind_of(record.verdicts),
+                "rank": record.result.rank if record.result is not None else "none",
+                "uniform": record.origin.uniform,
                 "layer": record.layer,
                 "engine": record.engine,
                 "sim_time": record.sim_time,

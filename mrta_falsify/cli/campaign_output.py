@@ -108,7 +108,7 @@ def _announced_kind(record: TrialRecord) -> str:
     if group == "shut":
         return "place that the world shut"
     if group == "secondary":
-        return "failure only in what is looked for last"
+        return "failure only of a secondary specification"
     if not record.is_primary:
         return "failure that the other stack does not pass either"
     return "failure" if record.is_robust else "knife edge"
@@ -132,7 +132,7 @@ def _new_bar() -> Any:
 
 def _count_text(counts: Progress) -> str:
     failures = ", ".join(f"{n} {name}" for name, n in sorted(counts.by_specification.items()))
-    best = f"best score {counts.best:+.3f}" if math.isfinite(counts.best) else "no score yet"
+    best = f"lowest score {counts.best:+.3f}" if math.isfinite(counts.best) else "no score yet"
     parts = [f"{counts.failed} failed" + (f" (violated: {failures})" if failures else ""), best]
     if counts.on_both:
         parts.append(f"{counts.on_both} on both stacks")

@@ -210,7 +210,8 @@ def minimize_command(
     permit_runs(campaign, (record,), trust, with_other=record.other is not None)
     most = max_runs + PERTURBED
     if record.failed:
-        output.say_cost(most, record.wall_s, expected=expected_runs(campaign, record))
+        expected = expected_runs(campaign, record)
+        output.say_cost(most, record.wall_s, expected=expected, at_end=PERTURBED)
     with output.progress(f"minimize {record.id}", most, "runs", is_most=True) as on_progress:
         found = minimize_trial(
             directory,

@@ -236,7 +236,9 @@ def time_text(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def say_cost(runs: int, each: float, *, copies: bool = False, expected: int = 0) -> None:
+def say_cost(
+    runs: int, each: float, *, copies: bool = False, expected: int = 0, at_end: int = 0
+) -> None:
     """Say what work may take before it begins; nothing of work that ends soon.
 
     Args:
@@ -245,6 +247,7 @@ def say_cost(runs: int, each: float, *, copies: bool = False, expected: int = 0)
         copies: all runs but the first are copies of it, which end once they are decided. Then the
             time of the whole is not known before some have been run.
         expected: runs that it should take; 0: not known.
+        at_end: of the runs, those that only judge the result.
     """
     if runs * each <= FIRST_LINE:
         return
@@ -254,7 +257,8 @@ def say_cost(runs: int, each: float, *, copies: bool = False, expected: int = 0)
         return
     likely = f"about {expected} runs, " if 0 < expected < runs else ""
     time_said = time_text((expected if likely else runs) * each)
-    say(f"{likely}at most {runs}, of about {each:.1f} s each: {time_said} on one core")
+    beside = f" ({at_end} of them judge the result)" if at_end else ""
+    say(f"{likely}at most {runs}{beside}, of about {each:.1f} s each: {time_said} on one core")
 
 
 def print_files(directory: Path) -> None:

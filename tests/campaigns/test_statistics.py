@@ -62,6 +62,18 @@ def test_a_search_gets_no_interval_and_is_told_why():
     )
 
 
+def test_a_search_is_told_all_that_an_interval_needs_at_once():
+    told = why_no_probability(
+        settings(sampler=Choice("evolution")), any_uniform=False, stopped_early=False
+    )
+    assert "use --sampler random with --mode exact" in told
+    own = why_no_probability(
+        settings(sampler=Choice("auto")), any_uniform=False, stopped_early=False
+    )
+    assert "no trial counts yet" in own
+    assert "use --sampler" not in own
+
+
 def test_mode_exact_is_not_advised_where_it_would_reject_all():
     told = why_no_probability(settings(), any_uniform=True, stopped_early=False, accepted=(0, 9))
     assert "none of 9 proposals" in told
