@@ -265,7 +265,10 @@ def test_the_cost_is_said_before_work_that_does_not_end_soon(capsys, runs, each,
 
 def test_the_expected_runs_are_said_beside_the_maximum(capsys):
     output.say_cost(210, 6.0, expected=40, at_end=10)
-    said = "about 40 runs, at most 210 (10 of them judge the result), of about 6.0 s each: 4 min on one core"
+    said = (
+        "about 40 runs, at most 210 (10 of them judge the result), of about 6.0 s each: 4 min on "
+        "one core"
+    )
     assert capsys.readouterr().err.splitlines() == [said]
 
 
