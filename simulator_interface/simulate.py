@@ -45,10 +45,10 @@ ENDED_BY: dict[FailureKind, str] = {
 class TaskCount:
     """Tasks by how they ended, as the harness's own books say."""
 
-    total: int  #: that arrive before the horizon
-    completed: int  #: claimed by the stack and confirmed by motion
+    total: int  #: deliveries that arrive before the horizon
+    completed: int  #: reported by the stack and confirmed by motion
     late: int  #: delivered after the deadline, or not at all
-    told: bool = later(True)  #: False: the stack does not tell its deliveries, so nothing is known
+    told: bool = later(True)  #: false: the stack reports no deliveries, and the counts mean nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,12 +9,16 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
+import click
 import pytest
 
 import mrta_falsify as mf
+from mrta_falsify.cli import main
 from mrta_falsify.cli.group import COMMANDS
 from mrta_falsify.core import registry
+from scenic_worlds.zoo import scene_names
 from tests.browser import browser, find
+from tools.site_pages import PRINTED
 
 pytestmark = pytest.mark.long  # builds the site, in about 10 s of CPU
 
@@ -89,6 +93,21 @@ def test_every_command_and_every_public_name_is_on_the_site(site, pages):
     components = {name for point in registry.EXTENSION_POINTS for name in registry.names(point)}
     assert components <= pages[site / "components.html"].names
     assert {"frame", "sensed", "controlview"} <= pages[site / "fields.html"].names
+
+
+def test_the_fields_of_every_json_and_every_scene_of_the_zoo_are_on_the_site(site, pages):
+    has_json = {
+        name
+        for name in COMMANDS
+        for option in main.get_command(click.Context(main), name).params
+        if isinstance(option.type, click.Choice) and "json" in option.type.choices
+    }
+    by_hand = {"show", "plugins"}  # told in words on the page of commands
+    assert has_json - by_hand == set(PRINTED) - {"sample"}
+    assert set(PRINTED) <= pages[site / "json.html"].names
+    text = (site / "zoo.html").read_text()
+    assert scene_names()
+    assert [name for name in scene_names() if f"pictures/zoo/{name}.png" not in text] == []
 
 
 @pytest.mark.browser

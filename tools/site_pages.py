@@ -1,8 +1,9 @@
 """What the documentation's site has beside the pages of docs/: a hook of MkDocs.
 
 - Files of the repository that pages link to become pages below ``sources/``, and links lead there.
-- ``options.md``, ``api/``, ``components.md`` and ``fields.md`` are made from the parser, the public
-  names, the registry, and the comments beside fields.
+- ``options.md``, ``api/``, ``components.md``, ``fields.md`` and ``json.md`` are made from the
+  parser, the public names, the registry, and the comments beside fields.
+- The table of scenes in ``zoo.md`` is made from the scenes' files.
 """
 
 from __future__ import annotations
@@ -10,12 +11,17 @@ from __future__ import annotations
 import ast
 import dataclasses
 import functools
+import importlib
 import inspect
 import os
 import re
+import sys
 import textwrap
-from collections.abc import Iterator
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import click
@@ -23,11 +29,30 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 import mrta_falsify as mf
+from mrta_falsify.campaigns.trial_index import TrialRow
 from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
-from mrta_falsify.core import fleet, protocols, registry
+from mrta_falsify.core import findings, fleet, protocols, registry
 from mrta_falsify.core.observed import observed_in
+from mrta_falsify.verbs.allocate import PlanSummary
+from mrta_falsify.verbs.bench.timing_values import Speeds
+from mrta_falsify.verbs.campaign_summary import CampaignSummary
+from mrta_falsify.verbs.certificates import CertifiedTrial
+from mrta_falsify.verbs.check import CheckSummary
+from mrta_falsify.verbs.ci.running import CiResult
+from mrta_falsify.verbs.compare import Comparison
+from mrta_falsify.verbs.doctor import HealthCheck
+from mrta_falsify.verbs.estimate import CostEstimate
+from mrta_falsify.verbs.floor_import import ImportedFloor
+from mrta_falsify.verbs.incident.importing import ImportedLog
+from mrta_falsify.verbs.issue import IssueFiles
+from mrta_falsify.verbs.replay import ReplaySummary
+from mrta_falsify.verbs.run import RunSummary
+from mrta_falsify.verbs.sample import SampleIndex
+from mrta_falsify.verbs.stack_test.testing import DoorReport
+from mrta_falsify.verbs.zoo import SceneCheck
+from scenic_worlds.zoo import load_scene, scene_names
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -36,7 +61,88 @@ LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
 PICTURES = (".png", ".gif", ".svg", ".jpg")
 LANGUAGES = {".py": "python", ".json": "json", ".yaml": "yaml", ".cpp": "cpp", ".scenic": "python"}
 LONGEST = 60_000  # characters of a source that a page shows
+SCENES = "<!-- made from the scenes -->"  # a mark in zoo.md
 ROLE = re.compile(r":(?:func|class|meth|mod|data|attr|exc):(?=<code)")  # of reStructuredText
+
+
+JSON_WORDS = {"None": "null", "False": "false", "True": "true"}
+JSON_TYPES = {
+    str: "text",
+    int: "whole number",
+    float: "number",
+    bool: "true or false",
+    type(None): "null",
+    Path: "path",
+    Any: "value",
+}
+
+
+class Printed(typing.NamedTuple):
+    """A JSON object that a command prints or writes."""
+
+    kind: type  #: whose fields it has
+    begin: str = ""  #: sentence before its table
+    more: Mapping[str, str] = MappingProxyType({})  #: fields that the command adds
+
+
+PRINTED: dict[str, tuple[Printed, ...]] = {
+    "run": (Printed(RunSummary),),
+    "import": (Printed(ImportedFloor, "Of a floor:"), Printed(ImportedLog, "Of a log:")),
+    "check": (
+        Printed(
+            CheckSummary,
+            "Of several programs: `programs`, a list of these objects, or of `{scenario, error}`.",
+        ),
+    ),
+    "sample": (Printed(SampleIndex, "`samples.json`:"),),
+    "campaign": (Printed(CampaignSummary), Printed(CostEstimate, "With `--dry-run`:")),
+    "list": (Printed(TrialRow, "A list of objects, one a trial:"),),
+    "replay": (Printed(ReplaySummary),),
+    "explain": (Printed(findings.Explanation, "Also `explain.json` beside the trial:"),),
+    "certify": (
+        Printed(
+            CertifiedTrial,
+            "`deadlocks`, the number of trials that violate `no_deadlock`; `certified`, the number "
+            "of those with a certificate; and `trials`, a list of objects:",
+        ),
+    ),
+    "minimize": (
+        Printed(
+            findings.Minimisation, "Also `minimize.json` beside the trial:", {"id": "text | trial"}
+        ),
+    ),
+    "corpus": (
+        Printed(
+            findings.Recheck,
+            "A number by each fate, and `failures`, a list of objects:",
+        ),
+        Printed(
+            SceneCheck,
+            "Of the zoo: a number by each fate, and `scenes`, a list of objects:",
+            {"is_as_known": "true or false | the stack does at least as well as the known answer"},
+        ),
+    ),
+    "ci": (
+        Printed(
+            CiResult,
+            "",
+            {
+                "new`, `ongoing`, `flaky`, `resolved": "whole number | changes of each kind",
+                "page": "path | page of the run",
+            },
+        ),
+    ),
+    "issue": (Printed(IssueFiles),),
+    "compare": (Printed(Comparison),),
+    "allocate": (Printed(PlanSummary, "Batch and task are positions in the file, from 0."),),
+    "bench": (Printed(Speeds),),
+    "doctor": (
+        Printed(
+            HealthCheck, "`ok`, whether nothing needed is broken, and `checks`, a list of objects:"
+        ),
+    ),
+    "stack-test": (Printed(DoorReport, "", {"passed": "true or false | no check failed"}),),
+}
 
 
 # --- files outside docs/ ------------------------------------------------------------------------
@@ -56,7 +162,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: Any, files: Files) -> str:
-    """Let links to files outside docs/ lead to their pages."""
+    """Let links to files outside docs/ lead to their pages, and put in the scenes of the zoo."""
+    markdown = markdown.replace(SCENES, scenes_table()) if SCENES in markdown else markdown
     source = _source(page.file.src_uri)
     if source is None or (source.suffix != ".md" and source.is_file()):
         return markdown
@@ -155,6 +262,7 @@ def _made_pages() -> dict[str, str]:
         "options.md": options_page(),
         "components.md": components_page(),
         "fields.md": fields_page(),
+        "json.md": json_page(),
         "api/commands.md": _api("Python: commands", "Functions named as the commands.", verbs),
         "api/values.md": _api("Python: values and files", "The other names of `mf`.", homes),
         "api/protocols.md": "# Python: protocols\n\nWhat a layer, an engine, a sampler, a "
@@ -242,6 +350,114 @@ def fields_page() -> str:
         protocols.ControlResult,
     )
     return "\n".join([begin, *(f"## {kind.__name__}\n\n{_fields_of(kind)}" for kind in seen)])
+
+
+def scenes_table() -> str:
+    """Write the table of the zoo's scenes, from their files."""
+    rows = ["| | Scene | Source | Known answer |", "|---|---|---|---|"]
+    for number, scene in enumerate(map(load_scene, scene_names()), 1):
+        place = scene.source.removeprefix("https://")
+        source = f"[{place.removeprefix('github.com/')}]({scene.source})"
+        source = source if place != scene.source else "our own"
+        rows.append(
+            f"| {number} | ![{scene.title}](pictures/zoo/{scene.name}.png) `{scene.name}`: "
+            f"{scene.title} | {source}: {scene.published} | {scene.answer}. {scene.why} |"
+        )
+    return "\n".join(rows)
+
+
+# --- fields of JSON -----------------------------------------------------------------------------
+
+
+def json_page() -> str:
+    """Write the page of what ``--format json`` prints, from the values that are printed."""
+    begin = (
+        "# Fields of JSON\n\nWhat each command prints with `--format json`. A field of which the "
+        "table says *if any* is left out where there is nothing to say. JSON has no infinity: a "
+        "number without bound is `null`. Units stand in names (`_s`, `_ms`) or in brackets. Made "
+        "from the source.\n"
+    )
+    return "\n".join([begin, *(_json_section(command) for command in sorted(PRINTED))])
+
+
+def _json_section(command: str) -> str:
+    printed = PRINTED[command]
+    lines = [f"## {command}\n"]
+    for kind, begin, more in printed:
+        lines += [f"{begin}\n"] if begin else []
+        lines += [_json_table(kind, more)]
+    held = dict.fromkeys(kind for top, _, _ in printed for kind in _values_in(top))
+    for top, _, _ in printed:
+        held.pop(top)
+    for kind in held:
+        summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
+        text = " ".join(summary.split()).replace("``", "`")
+        lines += [f"**{kind.__name__}**: {text}\n", _json_table(kind, {})]
+    return "\n".join(lines)
+
+
+def _json_table(kind: type, more: Mapping[str, str]) -> str:
+    comments = {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
+    rows = [f"| `{name}` | {text} |" for name, text in more.items()]
+    hints = _hints(kind)
+    for field in dataclasses.fields(kind):
+        left_out = "if any" if "later" in field.metadata else ""
+        note = "; ".join(filter(None, (comments.get(field.name, ""), left_out)))
+        note = re.sub(r":\w+:(?=`)", "", note.replace("|", "\\|").replace("``", "`"))
+        note = re.sub(r"\b(None|False|True)\b", lambda found: JSON_WORDS[found[0]], note)
+        rows.append(f"| `{field.name}` | {_json_type(hints[field.name])} | {note} |")
+    for name in getattr(kind, "DERIVED", ()):
+        told = _hints(getattr(kind, name).fget)["return"]
+        note = " ".join(
+            inspect.cleandoc(getattr(kind, name).__doc__ or "").split("\n\n")[0].split()
+        )
+        rows.append(f"| `{name}` | {_json_type(told)} | {note.replace('``', '`')} |")
+    return "\n".join(["| Field | Is | |", "|---|---|---|", *rows, ""])
+
+
+def _json_type(hint: Any) -> str:
+    """Say in a word or two what a field is in JSON."""
+    kinds = typing.get_args(hint)
+    origin = typing.get_origin(hint)
+    if origin is typing.Literal:
+        return ", ".join(f"`{value}`" for value in kinds if value != "")
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_json_type(kind) for kind in kinds)
+    if origin is dict:
+        return f"{_json_type(kinds[1])} by name" if len(kinds) == 2 else "object"
+    if origin is tuple and kinds[-1] is not Ellipsis:
+        return f"[{', '.join(map(_json_type, kinds))}]"
+    if origin in (tuple, list, Sequence):
+        return f"list of {_json_type(kinds[0])}"
+    if hint in JSON_TYPES:
+        return JSON_TYPES[hint]
+    return hint.__name__ if dataclasses.is_dataclass(hint) else "value"
+
+
+def _hints(owner: Any) -> dict[str, Any]:
+    """Resolve the type hints of a class or function, also those imported for types only."""
+    module = sys.modules[owner.__module__]
+    known = dict(vars(module))
+    blocks = (
+        part for part in ast.parse(inspect.getsource(module)).body if isinstance(part, ast.If)
+    )
+    for part in (part for block in blocks for part in block.body):
+        if isinstance(part, ast.ImportFrom) and part.module:
+            source = importlib.import_module(part.module)
+            known |= {name.name: getattr(source, name.name) for name in part.names}
+    return typing.get_type_hints(owner, known, known)
+
+
+def _values_in(kind: type) -> Iterator[type]:
+    """Find the dataclasses that a printed value holds, itself included."""
+    yield kind
+    for hint in _hints(kind).values():
+        waiting = [hint]
+        while waiting:
+            part = waiting.pop()
+            waiting += typing.get_args(part)
+            if dataclasses.is_dataclass(part) and isinstance(part, type):
+                yield from _values_in(part)
 
 
 def components_page() -> str:

@@ -20,9 +20,9 @@ ENOUGH_TRIALS = 3  # trials that show a situation; more are as good as three
 class Unseen:
     """The chance that another uniform trial shows a situation that none before has shown."""
 
-    trials: int  #: uniform ones that were simulated
-    situations: int  #: that they have shown
-    estimate: float | None  #: None without trials
+    trials: int  #: uniform trials that were simulated
+    situations: int  #: different situations in them
+    estimate: float | None  #: null without trials
     low: float
     high: float
     level: float = 0.95

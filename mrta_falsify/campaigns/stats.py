@@ -28,9 +28,9 @@ class FailureMode:
     """Failures with one signature."""
 
     signature: str
-    count: int
-    ids: tuple[str, ...]  #: of the trials; knife edges last, so that the first is worth a look
-    is_afterthought: bool = later(False)  #: only in what the campaign looks for last
+    count: int  #: number of failures
+    ids: tuple[str, ...]  #: trials, knife edges last
+    is_afterthought: bool = later(False)  #: fails in secondary specifications only
     kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
 
 
@@ -47,8 +47,8 @@ class EngineAgreement:
     """How many robust failures are failures on another engine, too."""
 
     engine: str
-    asked: int
-    fails: int  #: of them, in most runs of the world and its copies
+    asked: int  #: robust failures run on it
+    fails: int  #: those that fail in most runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,12 +64,12 @@ class RepeatCounts:
 class StackComparison:
     """What became of failures on the other stack."""
 
-    found: int  #: it passes them, as most copies on both stacks bear out
-    knife_edges: int  #: it passes them, but copies do not bear that out
-    on_both: int  #: it fails, too
-    not_judged: int  #: it tells too little
-    runs: int  #: of the other stack, copies included; no part of the budget
-    wall_s: float  #: that these took
+    found: int  #: failures that the other stack passes, as most perturbed runs on both confirm
+    knife_edges: int  #: failures that it passes, which perturbed runs do not confirm
+    on_both: int  #: failures of both stacks
+    not_judged: int  #: failures that the other stack reports too little to judge
+    runs: int  #: runs of the other stack, perturbed ones included; no part of the budget
+    wall_s: float  #: wall-clock time of these runs
 
 
 @dataclass(frozen=True, slots=True)

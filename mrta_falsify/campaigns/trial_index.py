@@ -40,28 +40,28 @@ class TrialRow:
     score: float
     signature: str
     failed: bool
-    jittered: int  #: copies with small differences that were run
-    jittered_failures: int
+    jittered: int  #: perturbed runs
+    jittered_failures: int  #: perturbed runs that fail
     violated: tuple[str, ...]  #: specifications
-    headline: str  #: what happened, in one sentence; empty if nothing is violated
-    who: str  #: robots concerned, the root of those that stand first, those held up in brackets
-    layer: str  #: as explained, by rules on the trace if it has not been explained
+    headline: str  #: what happened first, in a sentence; empty if nothing is violated
+    who: str  #: robots concerned, the root first, those held up in brackets
+    layer: str  #: suspected layer: by ``explain`` once it was run, a first guess before
     engine: str
     sim_time_s: float
     wall_s: float
-    attempts: int
+    attempts: int  #: scenes drawn until one was valid
     world_digest: str
     trace_digest: str
     error: str
     not_judged: tuple[str, ...] = later(())  #: specifications
-    repeats: int = later(0)  #: runs of a failure again, nothing changed
-    repeats_failed: int = later(0)  #: of them, in the same way
-    other_engines: str = later("")  #: on which a robust failure was run, and what came of it
-    #: what becomes of the failure on the other stack, where two are compared; empty: not asked
+    repeats: int = later(0)  #: runs again with nothing changed, of a stack in a process of its own
+    repeats_failed: int = later(0)  #: those that fail in the same way
+    other_engines: str = later("")  #: on which a robust failure was run, and the outcome
+    #: what the other stack does, with ``--against``
     other: Literal["", "passes", "fails", "not judged"] = later("")
-    other_jittered: int = later(0)  #: the same copies that were run on the other stack
-    other_jittered_failures: int = later(0)
-    kind: str = later("")  #: deadlock, stuck or shut; empty: none of them
+    other_jittered: int = later(0)  #: the same perturbed runs on the other stack
+    other_jittered_failures: int = later(0)  #: those that fail
+    kind: str = later("")  #: deadlock, stuck or shut (by the world)
 
 
 FIELDS = dataclasses.fields(TrialRow)

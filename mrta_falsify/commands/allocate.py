@@ -150,11 +150,11 @@ class PlanSummary:
     status: Status
     wall_s: float
     robots: tuple[RobotStops, ...]
-    late: tuple[TaskPlace, ...]  #: those unserved included
+    late: tuple[TaskPlace, ...]  #: tasks that are late, those unserved included
     unserved: tuple[TaskPlace, ...]
-    conflict: tuple[TaskPlace, ...]  #: tasks that cannot all be in time, as proved
-    least_lost: int | None
-    reason: str
+    conflict: tuple[TaskPlace, ...]  #: a smallest set of tasks that cannot all be in time
+    least_lost: int | None  #: fewest deadlines that are lost, if proved
+    reason: str  #: why there is no plan, or only part of one
 
 
 def summarise_plan(answer: PlanAnswer) -> PlanSummary:

@@ -44,36 +44,39 @@ class NoProbability:
 class CampaignSummary:
     """What ``campaign --format json`` prints."""
 
-    budget: int
-    ran: int
-    failed: int
-    #: failures that most copies share; None without copies, and where two stacks are compared
+    budget: int  #: largest number of simulations
+    ran: int  #: simulations
+    failed: int  #: trials that violate a specification
+    #: failures that most perturbed runs share; null without perturbed runs and with ``--against``
     robust: int | None
-    rejected: int
+    rejected: int  #: candidates without a valid scene
     impossible: int  #: worlds that no stack can do
-    errors: int
-    first_failure_at: int | None
-    modes: tuple[FailureMode, ...]
-    by_specification: dict[str, int]
+    errors: int  #: trials in which the stack or the toolkit failed
+    first_failure_at: int | None  #: simulations until the first failure
+    modes: tuple[FailureMode, ...]  #: failures by signature
+    by_specification: dict[str, int]  #: failures by specification
     not_judged: dict[str, int]  #: trials in which a specification could not be judged
-    best_score: float | None
-    screening: ScreeningAgreement | None
+    best_score: float | None  #: the lowest one found
+    screening: ScreeningAgreement | None  #: null unless a quick engine screens
     probability: Probability | NoProbability
     sim_hours: float
     wall_s: float
-    ended: str
+    ended: str  #: ``budget``, ``clock``, ``stop-after``, ``saturated`` or ``interrupted``
     directory: str
-    repeated: RepeatCounts | None = later(None)  #: of a stack in a process of its own
-    deadlocks: int = later(0)  #: of the failures, those of ``no_deadlock``, whatever their kind
-    #: failures by kind: deadlock, stuck, shut (by the world), and other; without afterthoughts
+    #: of a stack in a process of its own, when failures were run again
+    repeated: RepeatCounts | None = later(None)
+    deadlocks: int = later(0)  #: failures that violate ``no_deadlock``, whatever their kind
+    #: failures by kind: deadlock, stuck, shut (by the world), other; without afterthoughts
     kinds: dict[str, int] = later(dict)
-    uncounted: int = later(0)  #: trials that were under way when the search ended; stored, too
-    afterthoughts: int = later(0)  #: of the failures, those only in what is looked for last
-    then: tuple[str, ...] = later(())  #: what is looked for last
-    unseen: Unseen | None = later(None)  #: None without uniform trials
-    confirmed: tuple[EngineAgreement, ...] = later(())  #: of robust failures, by engine
-    against: StackComparison | None = later(None)  #: None where no other stack is compared
-    shut: tuple[TightCount, ...] = later(())  #: worlds in which no robot fits to a room of a task
+    uncounted: int = later(0)  #: trials under way when the search ended: stored, and not in ``ran``
+    afterthoughts: int = later(0)  #: failures in secondary specifications (``then``) only
+    then: tuple[str, ...] = later(())  #: secondary specifications
+    unseen: Unseen | None = later(None)  #: null without uniform trials
+    #: robust failures on other engines (``--confirm``)
+    confirmed: tuple[EngineAgreement, ...] = later(())
+    against: StackComparison | None = later(None)  #: null without ``--against``
+    #: worlds in which no robot fits to a room that a task needs
+    shut: tuple[TightCount, ...] = later(())
 
 
 def summarise_campaign(result: CampaignResult) -> CampaignSummary:

@@ -245,20 +245,20 @@ class CheckSummary:
     scenario: str
     mode: Mode
     dimensions: tuple[Dimension, ...]
-    k: int
-    opaque: tuple[str, ...]  #: names of dimensions that only a seed decides
+    k: int  #: number of dimensions
+    opaque: tuple[str, ...]  #: names of dimensions that a search cannot steer smoothly
     compile_s: float
     scene_ms: SceneTimes
-    acceptance: float
-    attempts: int
-    scenes: int
+    acceptance: float  #: share of uniform samples that are valid as they are
+    attempts: int  #: samples drawn for the scenes
+    scenes: int  #: valid scenes
     failed: int  #: candidates without a valid scene
     rejections: tuple[Rejecter, ...]
-    outside: tuple[OutsideRegion, ...]
-    impossible: tuple[ImpossibleWorld, ...]
-    shut: tuple[TightCount, ...]  #: impossible worlds in which no robot fits to a room of a task
-    narrow: tuple[TightCount, ...]  #: worlds in which none fits by its planning radius
-    stuck_pushes: tuple[StuckPush, ...]
+    outside: tuple[OutsideRegion, ...]  #: things outside their region before repair
+    impossible: tuple[ImpossibleWorld, ...]  #: sampled worlds that no stack can do
+    shut: tuple[TightCount, ...]  #: worlds in which no robot fits to a room that a task needs
+    narrow: tuple[TightCount, ...]  #: the same by the planning radius, which is larger
+    stuck_pushes: tuple[StuckPush, ...]  #: furniture that does not fit to where it is to be pushed
     lint: tuple[Lint, ...]
     crowd: str = later("")  #: what the dearest world costs, if one is a crowd
 

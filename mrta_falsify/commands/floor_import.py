@@ -46,7 +46,7 @@ class ImportedRoom:
 
     name: str
     point: tuple[float, float]  #: [m]
-    door: float | None  #: width of its door [m]; None: open
+    door: float | None  #: width of its door [m]; null: it has none
     spots: int  #: waiting spots
     spots_given: bool  #: by the user's file
 
@@ -57,9 +57,9 @@ class ImportedFloor:
 
     floor: Path  #: the layout, for ``param layout``
     scenario: Path
-    derived: Path | None  #: the rooms with all that was derived; None: they were the input
+    derived: Path | None  #: file of the rooms with all that was derived; null: it was the input
     picture: Path
-    scenario_kept: bool  #: it was there already
+    scenario_kept: bool  #: the program was there already
     robot_radius: float  #: [m]
     size: tuple[float, float]  #: [m]
     walls: int
@@ -69,8 +69,8 @@ class ImportedFloor:
     parking: int
     parking_given: bool
     longest_travel_s: float
-    map: MapFacts | None  #: None: the floor is no map
-    left_out: tuple[str, ...] = ()  #: what of a building has no counterpart here
+    map: MapFacts | None  #: null: the floor is no map
+    left_out: tuple[str, ...] = ()  #: what of a building has no counterpart
     warnings: tuple[str, ...]
 
 

@@ -183,15 +183,15 @@ class ReplaySummary:
     """What ``replay --format json`` prints."""
 
     id: str
-    runs: int
-    identical: int
-    same_verdicts: int
-    same_version: bool
-    same_machine: bool
-    first_difference: Difference | None
-    trace_digest: str
-    trace_digests: tuple[str, ...]
-    failed: tuple[bool, ...]
+    runs: int  #: number of repeats
+    identical: int  #: repeats with the stored trace digest
+    same_verdicts: int  #: repeats with the stored verdicts
+    same_version: bool  #: recorded by this version
+    same_machine: bool  #: recorded on a machine of this type
+    first_difference: Difference | None  #: where a repeat departs from the stored trace
+    trace_digest: str  #: stored
+    trace_digests: tuple[str, ...]  #: of the repeats
+    failed: tuple[bool, ...]  #: one for each repeat
     signature: str
 
 

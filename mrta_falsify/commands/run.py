@@ -150,13 +150,13 @@ class VerdictSummary:
     """A verdict in one line."""
 
     spec: str
-    robustness: float | None  #: None where it is unbounded, or was not judged
+    robustness: float | None  #: null where it is unbounded or was not judged
     violated: bool
     violated_at_s: float | None
     who: tuple[str, ...]
     outcome: VerdictOutcome
-    not_judged: str  #: what was missing to judge it, empty: it was judged
-    evidence: dict[str, Any] = field(default_factory=dict)  #: of a violation: shows the work
+    not_judged: str  #: what was missing to judge it; empty: it was judged
+    evidence: dict[str, Any] = field(default_factory=dict)  #: empty unless violated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,22 +167,27 @@ class RunSummary:
     trace_digest: str
     sim_time_s: float
     wall_s: float
-    real_time_factor: float
+    real_time_factor: float  #: simulated time over wall-clock time
     tasks: TaskCount
     robots: int
-    robots_finished: int
+    robots_finished: int  #: robots with nothing on board and no open task
+    #: by pair; ``robot_human_at_rest``: people who walked into a robot at rest
     contacts: dict[str, int]
     verdicts: tuple[VerdictSummary, ...]
+    #: ``all-tasks-done`` or ``horizon``; ``stack-crashed``, ``stack-hung``, ``stack-took-memory``
+    #: or ``stack-answered-nonsense`` of a stack in a process of its own
     ended: str
     seed: int | None = None  #: that varied or sampled the world
     stack_digest: str = ""
     output: str = later("")  #: directory of the files, if any were written
     stack_failure: str = later("")  #: how the stack failed to answer, in words
-    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
-    #: ways that no robot fits through that may serve the task
+    #: stack in a process of its own: whether it is asked or runs by itself
+    coupling: Coupling | None = later(None)
+    #: ways that a task needs and that are too narrow for every robot that may serve it
     shut: tuple[TightWay, ...] = later(())
     impossible: str = later("")  #: why no stack can do the world
-    notes: tuple[str, ...] = later(())  #: what is narrow in it, and what is pushed in vain
+    #: what is narrow, and furniture that does not fit to where it is to be pushed
+    notes: tuple[str, ...] = later(())
 
 
 def summarise_run(

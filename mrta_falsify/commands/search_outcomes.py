@@ -49,7 +49,7 @@ class TimeToFailure:
     """Simulations to the first failure, with the searches that found none counted."""
 
     restricted_mean: IntervalEstimate
-    median: float  #: infinite if fewer than half of the searches found one
+    median: float  #: null if fewer than half of the searches found one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,15 +57,15 @@ class SamplerRow:
     """What the searches of one sampler came to."""
 
     sampler: str
-    searches: int
-    falsification_rate: IntervalEstimate
+    searches: int  #: number of searches
+    falsification_rate: IntervalEstimate  #: share of the searches that find a failure
     simulations_to_failure: TimeToFailure
     simulations_per_failure: IntervalEstimate
     seconds_to_failure: float
     seconds_per_failure: float
-    log_rank_p: float  #: compared with the first sampler
-    trials: int
-    modes_per_1000: float
+    log_rank_p: float  #: p value of the log-rank test against the first sampler
+    trials: int  #: simulations of all searches
+    modes_per_1000: float  #: failure modes in 1000 trials
 
 
 def sampler_rows(

@@ -36,12 +36,12 @@ class SceneCheck:
     name: str
     title: str
     source: str
-    answer: Answer  #: that is known: a good stack passes, or even a good one fails
+    answer: Answer  #: known answer
     fate: SceneFate
     violated: tuple[str, ...]  #: specifications
-    sentence: str  #: about the violation that came first
-    jittered_failures: int
-    jittered: int  #: runs of copies with small differences
+    sentence: str  #: what was violated first
+    jittered_failures: int  #: perturbed runs that fail
+    jittered: int  #: perturbed runs
 
     @property
     def is_as_known(self) -> bool:

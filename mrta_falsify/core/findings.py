@@ -39,11 +39,11 @@ class LayerRow:
     ``mrta_falsify/analysis/explain/rows.py`` says what counts as what.
     """
 
-    layer: str  #: that was exchanged; empty: the stack as it is
+    layer: str  #: layer that was exchanged; empty: the stack as it is
     change: str  #: in words
     at: float  #: when it was exchanged [s]
-    runs: int  #: that came to the situation, and failed or passed
-    failed: int  #: of them
+    runs: int  #: runs that came to the situation and failed or passed
+    failed: int  #: those of ``runs`` that failed
     otherwise: int = 0  #: runs beside these that failed in another way
     avoided: int = 0  #: runs beside these that never came to the situation
     unknown: int = 0  #: runs beside these that could not be judged
@@ -74,10 +74,10 @@ Fate: TypeAlias = Literal["gone", "stays", "otherwise", "unknown", "untried"]
 class ChangedRun:
     """What became of a failure in a run of the whole world with one thing changed."""
 
-    group: str  #: of the things that were left out, such as ``robots``; ``schedule``
-    things: tuple[str, ...] = ()  #: that were left out
+    group: str  #: kind of the things left out, such as ``robots`` or ``humans``; or ``schedule``
+    things: tuple[str, ...] = ()  #: names of what was left out
     change: str  #: in words, behind ``without`` or ``with``
-    fate: Fate
+    fate: Fate  #: ``otherwise``: it failed in another way; ``unknown``: not judged
     detail: str = ""  #: how the run ended
 
 
@@ -87,28 +87,30 @@ class Removal:
 
     robot: str
     time: float  #: of the removal [s]
-    go_on: tuple[str, ...] = ()
-    stay: tuple[str, ...] = ()
+    go_on: tuple[str, ...] = ()  #: robots that drive on
+    stay: tuple[str, ...] = ()  #: robots that still stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
     """Why a failure happens, as far as re-runs can tell."""
 
-    layer: str  #: suspected, empty if none is
-    guess: str  #: the layer that the trace alone points to
-    reason: str  #: why the layer is suspected, in words
-    changed_at: float  #: when the continuations were changed [s]
-    counterfactuals: tuple[Counterfactual, ...]  #: of versions that had no rows; empty since
-    jittered: Vote
-    runs: int  #: episodes and continuations simulated
+    layer: str  #: suspected layer; empty: no single layer
+    guess: str  #: layer that rules suspect from the trace alone
+    reason: str  #: why this layer is suspected
+    changed_at: float  #: when layers were exchanged [s]
+    #: of explanations by earlier versions, without ``rows``
+    counterfactuals: tuple[Counterfactual, ...]
+    jittered: Vote  #: perturbed runs of the stack as it is
+    runs: int  #: simulations spent
     removals: tuple[Removal, ...] = ()  #: one for each robot of a deadlock
     absences: tuple[ChangedRun, ...] = later(())  #: runs without some things
     schedules: tuple[ChangedRun, ...] = later(())  #: runs with other thinking times and orders
-    #: the stack as it is, and with one layer exchanged; from shortly before the onset, then, where
-    #: that says nothing, from the start
+    #: the stack as it is, then with one layer exchanged; from shortly before the onset, or from the
+    #: start where that decides nothing
     rows: tuple[LayerRow, ...] = later(())
-    inevitability: Inevitability | None = later(None)  #: None: the run was not rewound
+    #: when the failure was decided; null: it was not determined
+    inevitability: Inevitability | None = later(None)
 
     def __repr__(self) -> str:
         """Write it in one line."""
@@ -125,9 +127,9 @@ class Minimisation:
     DERIVED: ClassVar[tuple[str, ...]] = ("share_removed",)
 
     signature: str
-    removed: tuple[str, ...]  #: in words
-    runs: int  #: simulated, including those of earlier calls
-    one_minimal: bool  #: nothing single can go; False if the runs did not suffice to say so
+    removed: tuple[str, ...]  #: what was removed, in words
+    runs: int  #: simulations, those of earlier calls included
+    one_minimal: bool  #: no single thing more can go; false: the runs did not suffice to say so
     counts: dict[str, tuple[int, int]]  #: things before and after, by group
     world_digest: str
     trace_digest: str
@@ -135,15 +137,11 @@ class Minimisation:
     program: str = ""
     """How the world written as a Scenic program runs: ``identical``, ``same failure``, or why
     there is no program."""
-    #: runs of the smallest world with small differences; of older versions, where two stacks are
-    #: compared
-    jittered: PerturbedRuns | None = later(None)
-    pairs: int = later(0)  #: of things that are left
-    pairs_tried: int = later(0)  #: one run each
-    #: pairs without which it fails, but not most of the runs with small differences
-    pairs_unsure: int = later(0)
-    #: what the other stack does in it, where two are compared
-    other: OtherRun | None = later(None)
+    jittered: PerturbedRuns | None = later(None)  #: perturbed runs of the smallest world
+    pairs: int = later(0)  #: pairs of things that are left
+    pairs_tried: int = later(0)  #: pairs without which it was run
+    pairs_unsure: int = later(0)  #: pairs without which it fails, but most perturbed runs pass
+    other: OtherRun | None = later(None)  #: what the other stack does in it, with ``--against``
 
     def __repr__(self) -> str:
         """Write it in one line."""
@@ -225,16 +223,16 @@ class Recheck:
 
     id: str
     fate: RecheckFate
-    signature: str  #: of the stored verdicts, in the form of their campaign's rules
-    violated: tuple[str, ...]  #: by the stored world on the changed stack
-    signature_now: str  #: in the same form
-    jittered_failures: int
-    jittered: int  #: runs of jittered copies
-    sentence: str = later("")  #: what happens on the changed stack; empty: nothing fails
-    copy_signatures: tuple[str, ...] = later(())  #: of the copies that fail
-    picture: str = later("")  #: file of the run that the sentence is about; empty: none was asked
-    kind_now: str = later("")  #: deadlock, stuck or shut; empty: none of them
-    #: of the stored world on the changed stack in the form of today's rules, and of rules 1
+    signature: str  #: of the stored failure
+    violated: tuple[str, ...]  #: specifications violated by the stored world on the changed stack
+    signature_now: str  #: of the run on the changed stack
+    jittered_failures: int  #: perturbed runs that fail
+    jittered: int  #: perturbed runs
+    sentence: str = later("")  #: what happens on the changed stack
+    copy_signatures: tuple[str, ...] = later(())  #: of the perturbed runs that fail
+    picture: str = later("")  #: file of the run that ``sentence`` is about (``--pictures``)
+    kind_now: str = later("")  #: deadlock, stuck or shut
+    #: signature of the run by today's rules, and by rules 1
     forms_now: tuple[str, str] = later(("", ""))
 
 

@@ -26,14 +26,15 @@ class FleetSpeed:
 
     mean: float
     min: float  #: over any 10 s
+    #: over any 10 s in which all robots have tasks and a cluster of three exists
     busy_min: float | None
     """The same over the ticks at which all robots have tasks and a cluster of three exists; None
     if they are less than 1 s."""
     tick_p50_ms: float
     tick_p99_ms: float
-    copies: bool  #: whether the oracle and `repeatable` had copies of the run to ask
-    cpu_factor: Factor  #: by CPU time, copies included
-    calls: int | None  #: Python functions called in a tick without events; None: there was none
+    copies: bool  #: whether the oracle ran copies; not with more than 24 robots
+    cpu_factor: Factor  #: by CPU time, copies included: depends less on what else runs
+    calls: int | None  #: Python functions called in a tick without events
     stages_ms: dict[str, float]  #: mean wall time of each stage of a tick, without inner ones
 
 
@@ -69,11 +70,13 @@ class Speeds:
 
     real_time_factor: dict[str, FleetSpeed]  #: on the stack's engine
     engines: dict[str, dict[str, FleetSpeed]]  #: the same on each other engine, by its name
-    cbf_qp_ms: dict[str, CallTimes | None]  #: assembly and solve; None for foreign controllers
-    control_ms: dict[str, CallTimes]  #: the whole controller
+    #: one tick with that many robots in one cluster, assembled and solved without the controller's
+    #: shortcuts; null for foreign controllers
+    cbf_qp_ms: dict[str, CallTimes | None]
+    control_ms: dict[str, CallTimes]  #: the whole controller, with its shortcuts
     qp_init_ms: float  #: first call of a fresh controller
     plan_ms: PlanTimes
-    costmap_ms: float  #: of a world never seen
+    costmap_ms: float  #: costmap of a world never seen
     first_tick_ms: float  #: from a world with unseen furniture to the first tick
     engine_real_time_factor: dict[str, float]  #: the engine alone
     world: str

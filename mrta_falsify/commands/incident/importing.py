@@ -36,10 +36,10 @@ class Confirmation:
     stack: str
     deadlock: bool  #: ``no_deadlock`` is violated, whatever the kind
     members: tuple[str, ...]  #: robots that stand
-    same: bool  #: they are among those of the log, or those among them
+    same: bool  #: the robots that stand are among those of the log
     delivered: int
     tasks: int
-    kind: str = later("")  #: deadlock, stuck or shut; empty: ``no_deadlock`` holds
+    kind: str = later("")  #: deadlock, stuck or shut
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,18 +51,19 @@ class ImportedLog:
     robots: tuple[str, ...]
     duration_s: float
     has_map: bool  #: the floor is known, from the log or as given
-    suspected: tuple[str, ...]  #: robots that waited for each other; empty: none did for long
+    suspected: tuple[str, ...]  #: robots that waited for each other
     victims: tuple[str, ...]  #: robots that these held up
-    waits: tuple[str, ...]  #: who waited for whom, a sentence each
+    waits: tuple[str, ...]  #: who waited for whom, one sentence each
     onset_s: float | None  #: when the last of them stopped
     until_s: float | None  #: when they were last seen so
     begin_s: float  #: when in the log the scenario begins
     tasks: int
-    goals: tuple[str, ...]  #: how the goals are known, by robot
-    confirmed: Confirmation | None = None  #: None: no stack was asked
+    goals: tuple[str, ...]  #: how the goals are known
+    #: what a stack does in the scenario; null: no stack was run
+    confirmed: Confirmation | None = None
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()  #: why nothing suspected does not mean that nothing was, in words
-    begins_at: float | None = None  #: of the log, seconds since 1970; None: it is not known
+    doubts: tuple[str, ...] = ()  #: why the log cannot rule a deadlock out
+    begins_at: float | None = None  #: start of the log [s since 1970]; null where it has no date
 
 
 def import_log(

@@ -44,8 +44,8 @@ class DoorReport:
 
     name: str  #: of the stack, as it says
     version: str
-    says: tuple[str, ...]
-    can: tuple[str, ...]
+    says: tuple[str, ...]  #: names of what the stack reports
+    can: tuple[str, ...]  #: names of what it can do
     checks: tuple[DoorCheck, ...]
     ticks: tuple[TickTime, ...]  #: none if a check failed
 
