@@ -126,7 +126,7 @@ def test_the_site_is_searched_offline_and_fits_a_phone(site):
             "index",
             "commands",
             "options",
-            "comparison",
+            "evaluation",
             "api/commands",
             "first-campaign",
         ):

@@ -24,7 +24,7 @@ DOCS = Path(__file__).parent.parent / "docs"
 #: pages that are followed one after the other in one folder, and what is there in the end
 COURSES = {
     ("write-a-scenario",): ("first/report.html", "samples/contact_sheet.png"),
-    ("first-campaign", "reading-a-report", "in-ci"): (
+    ("first-campaign", "in-ci"): (
         "runs/first/report.html", "samples/contact_sheet.png", "ticket.md", "night.xml",
         ".mrta-falsify/report.html",
     ),
