@@ -12,6 +12,7 @@ import pytest
 
 from mrta_falsify.core import registry
 from mrta_falsify.core.trace import COLUMNS
+from tools import site_pages
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted((ROOT / "docs").glob("*.md"))
@@ -90,16 +91,17 @@ def test_every_kind_of_event_that_the_stack_writes_is_documented():
 
 
 def test_every_column_of_a_trace_is_documented_with_its_shape():
-    page = (ROOT / "docs" / "world.md").read_text()
-    rows = {
-        (name, shape)
-        for names, shape in re.findall(r"^\| (`[^|]+`) \| (\([^|]+\)) \|", page, re.MULTILINE)
-        for name in re.findall(r"`(\w+)`", names)
-    }
-    shapes = {name: ", ".join(["K", *map(str, row.shape)]) for name, row in COLUMNS.items()}
-    assert rows == {
-        (name, f"({shape},)" if shape == "K" else f"({shape})") for name, shape in shapes.items()
-    }
+    page = site_pages.columns_table()
+    rows = re.findall(r"^\| `(\w+)` \| \((.+)\) \| (.+) \|$", page, re.MULTILINE)
+    assert [name for name, _, _ in rows] == list(COLUMNS)
+    assert ("pose", "K, N, 3") in [row[:2] for row in rows]
+    assert ("time", "K,") in [row[:2] for row in rows]
+    assert all(text.strip() for _, _, text in rows)
+
+
+def test_every_table_that_a_page_leaves_to_the_site_is_made():
+    marks = {name for page in PAGES for name in re.findall("<!-- made: (.+) -->", page.read_text())}
+    assert marks == set(site_pages.TABLES)
 
 
 def test_every_module_that_the_glossary_names_exists():

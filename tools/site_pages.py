@@ -1,9 +1,9 @@
 """What the documentation's site has beside the pages of docs/: a hook of MkDocs.
 
 - Files of the repository that pages link to become pages below ``sources/``, and links lead there.
-- ``options.md``, ``api/``, ``components.md``, ``fields.md`` and ``json.md`` are made from the
-  parser, the public names, the registry, and the comments beside fields.
-- The table of scenes in ``zoo.md`` is made from the scenes' files.
+- ``options.md``, ``api/``, ``components.md``, ``fields.md``, ``files.md`` and ``json.md`` are made
+  from the parser, the public names, the registry, and the comments beside fields.
+- ``<!-- made: NAME -->`` in a page stands for a table of ``TABLES``.
 """
 
 from __future__ import annotations
@@ -33,13 +33,16 @@ from mrta_falsify.campaigns.trial_index import TrialRow
 from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
-from mrta_falsify.core import findings, fleet, protocols, registry
+from mrta_falsify.core import findings, fleet, protocols, registry, world
+from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.observed import observed_in
+from mrta_falsify.core.trace import COLUMNS
 from mrta_falsify.verbs.allocate import PlanSummary
 from mrta_falsify.verbs.bench.timing_values import Speeds
 from mrta_falsify.verbs.campaign_summary import CampaignSummary
 from mrta_falsify.verbs.certificates import CertifiedTrial
 from mrta_falsify.verbs.check import CheckSummary
+from mrta_falsify.verbs.ci.project import ProjectFile, ScenarioEntry, StackEntry
 from mrta_falsify.verbs.ci.running import CiResult
 from mrta_falsify.verbs.compare import Comparison
 from mrta_falsify.verbs.doctor import HealthCheck
@@ -52,6 +55,7 @@ from mrta_falsify.verbs.run import RunSummary
 from mrta_falsify.verbs.sample import SampleIndex
 from mrta_falsify.verbs.stack_test.testing import DoorReport
 from mrta_falsify.verbs.zoo import SceneCheck
+from scenic_worlds.shipped import scenario_names, scenario_path
 from scenic_worlds.zoo import load_scene, scene_names
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -61,7 +65,6 @@ LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)\s]*)?(\))")
 PICTURES = (".png", ".gif", ".svg", ".jpg")
 LANGUAGES = {".py": "python", ".json": "json", ".yaml": "yaml", ".cpp": "cpp", ".scenic": "python"}
 LONGEST = 60_000  # characters of a source that a page shows
-SCENES = "<!-- made from the scenes -->"  # a mark in zoo.md
 ROLE = re.compile(r":(?:func|class|meth|mod|data|attr|exc):(?=<code)")  # of reStructuredText
 
 
@@ -162,8 +165,10 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: Any, files: Files) -> str:
-    """Let links to files outside docs/ lead to their pages, and put in the scenes of the zoo."""
-    markdown = markdown.replace(SCENES, scenes_table()) if SCENES in markdown else markdown
+    """Put in the tables that are made, and let links to files outside docs/ lead to their pages."""
+    for name, made in TABLES.items():
+        mark = f"<!-- made: {name} -->"
+        markdown = markdown.replace(mark, made()) if mark in markdown else markdown
     source = _source(page.file.src_uri)
     if source is None or (source.suffix != ".md" and source.is_file()):
         return markdown
@@ -263,6 +268,7 @@ def _made_pages() -> dict[str, str]:
         "components.md": components_page(),
         "fields.md": fields_page(),
         "json.md": json_page(),
+        "files.md": files_page(),
         "api/commands.md": _api("Python: commands", "Functions named as the commands.", verbs),
         "api/values.md": _api("Python: values and files", "The other names of `mf`.", homes),
         "api/protocols.md": "# Python: protocols\n\nWhat a layer, an engine, a sampler, a "
@@ -352,6 +358,72 @@ def fields_page() -> str:
     return "\n".join([begin, *(f"## {kind.__name__}\n\n{_fields_of(kind)}" for kind in seen)])
 
 
+def files_page() -> str:
+    """Write the page of what files of users hold, from the comments in its source."""
+    parts = {
+        "World": (
+            world.World,
+            world.Wall,
+            world.Furniture,
+            world.Room,
+            world.Lane,
+            world.Resource,
+            world.RobotSpec,
+            world.HumanSpec,
+            world.Task,
+            world.Blockage,
+            world.CommsOutage,
+        ),
+        "Project file of `ci`": (ProjectFile, ScenarioEntry, StackEntry),
+        "Stack in a process of its own": (ExternalStack,),
+    }
+    lines = [
+        "# Fields of files\n\nA field with a default may be left out. Lengths in metres, angles in "
+        "radians, times in seconds, map frame. Made from the source.\n"
+    ]
+    for title, kinds in parts.items():
+        lines += [f"## {title}\n"]
+        for kind in kinds:
+            summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
+            text = " ".join(summary.split()).replace("``", "`")
+            lines += [f"### {kind.__name__}\n", f"{text}\n", _fields_of(kind)]
+    return "\n".join(lines)
+
+
+# --- tables in pages ----------------------------------------------------------------------------
+
+
+def scenarios_table() -> str:
+    """Write the table of the shipped scenarios, from their first sentences."""
+    rows = ["| Program | | |", "|---|---|---|"]
+    for name in scenario_names():
+        text = ast.get_docstring(ast.parse(_opening(scenario_path(name)))) or ""
+        title, _, stresses = text.partition("\n")
+        rows.append(f"| `{name}` | {title} | {' '.join(stresses.split())} |")
+    return "\n".join(rows)
+
+
+def _opening(program: Path) -> str:
+    """Read the docstring of a Scenic program, in its quotes."""
+    text = program.read_text(encoding="utf-8")
+    return text[: text.index('"""', 3) + 3]
+
+
+def columns_table() -> str:
+    """Write the table of a trace's columns, from the comments beside the fields of a frame."""
+    comments = {
+        name: text
+        for kind in (fleet.Sensed, fleet.Command, fleet.Intent)
+        for name, text in _comments(kind)
+    }
+    comments["command"] = comments["twist"]
+    rows = ["| Column | Shape | |", "|---|---|---|"]
+    for name, column in COLUMNS.items():
+        shape = ", ".join(["K", *map(str, column.shape)]) + ("" if column.shape else ",")
+        rows.append(f"| `{name}` | ({shape}) | {comments[name].replace('``', '`')} |")
+    return "\n".join(rows)
+
+
 def scenes_table() -> str:
     """Write the table of the zoo's scenes, from their files."""
     rows = ["| | Scene | Source | Known answer |", "|---|---|---|---|"]
@@ -364,6 +436,9 @@ def scenes_table() -> str:
             f"{scene.title} | {source}: {scene.published} | {scene.answer}. {scene.why} |"
         )
     return "\n".join(rows)
+
+
+TABLES = {"scenes": scenes_table, "scenarios": scenarios_table, "columns": columns_table}
 
 
 # --- fields of JSON -----------------------------------------------------------------------------

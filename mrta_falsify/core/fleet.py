@@ -57,7 +57,7 @@ class Sensed:
     nearest_human: Annotated[IntArray, Observed(("N",), -1)]  #: number of ``gap_human``, -1: none
     #: touched a robot, human, static during the sub-steps
     contact: Annotated[BoolArray, Observed(("N", 3), False)]
-    #: movable furniture: centre x, y [m], turn since the start [rad]; an episode fills it
+    #: of the F movable pieces of furniture: centre x, y [m], turn since the start [rad]
     furniture_pose: Annotated[Array, Observed(("F", 3), optional=True)] = NOT_MEASURED
 
     def __post_init__(self) -> None:
@@ -131,7 +131,8 @@ class Refusal:
 class Intent:
     """What the stack reports each tick; the oracle uses goals and paths, not claims."""
 
-    phase: Annotated[IntArray, Observed(("N",), Phase.OFF.value)]  #: values of :class:`Phase`
+    #: 0 off, 1 idle, 2 driving, 3 queueing, 4 planning, 5 serving, 6 making room
+    phase: Annotated[IntArray, Observed(("N",), Phase.OFF.value)]
     #: room point or spot the robot finally heads for [m], nan: none
     goal: Annotated[Array, Observed(("N", 2), np.nan)]
     waypoint: Annotated[Array, Observed(("N", 2), np.nan)]  #: next waypoint [m], nan: none

@@ -87,15 +87,19 @@ class BySight:
     class Options:
         """How far people see, and how they keep their distance."""
 
-        tau: float = quantity(above=0.0, unit="s", default=0.3)  #: to reach the wanted velocity
-        horizon: float = quantity(above=0.0, unit="m", default=6.0)  #: of sight
-        field: float = quantity(above=0.0, high=1.5, unit="rad", default=1.3)  #: to either side
-        directions: int = quantity(low=3, high=101, default=25)  #: that are compared
-        room: float = quantity(low=0.0, unit="m", default=0.2)  #: between bodies of people
-        robot_room: float = quantity(low=0.0, unit="m", default=0.4)  #: to a robot's body
-        right_hand: float = quantity(low=0.0, unit="m^2/rad", default=1.0)  #: of a left turn
-        wall_strength: float = quantity(low=0.0, unit="m^2/s^2", default=2.5)  #: u0
-        wall_reach: float = quantity(above=0.0, unit="m", default=0.2)  #: r
+        tau: float = quantity(above=0.0, unit="s", default=0.3)  #: to reach the desired velocity
+        horizon: float = quantity(
+            above=0.0, unit="m", default=6.0
+        )  #: distance that a person looks ahead
+        field: float = quantity(
+            above=0.0, high=1.5, unit="rad", default=1.3
+        )  #: of view, to either side
+        directions: int = quantity(low=3, high=101, default=25)  #: directions compared
+        room: float = quantity(low=0.0, unit="m", default=0.2)  #: gap kept between people
+        robot_room: float = quantity(low=0.0, unit="m", default=0.4)  #: gap kept to a robot's body
+        right_hand: float = quantity(low=0.0, unit="m^2/rad", default=1.0)  #: cost of a left turn
+        wall_strength: float = quantity(low=0.0, unit="m^2/s^2", default=2.5)  #: push of walls
+        wall_reach: float = quantity(above=0.0, unit="m", default=0.2)  #: reach of that push
 
     sight = 3.0  # m, see HumanModel
 

@@ -94,7 +94,7 @@ class BulletEngine(PhysicsEngine):
         contact_margin: float = quantity(
             above=0.0, high=0.05, unit="m", default=0.001
         )  #: contact points farther apart are dropped
-        gui: bool = False
+        gui: bool = False  #: open a window
         rays: Literal["exact", "bullet"] = "exact"
         ray_count: int = quantity(low=1, high=360, default=12)
         ray_range: float = quantity(above=0.0, unit="m", default=10.0)
