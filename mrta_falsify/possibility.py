@@ -67,7 +67,7 @@ class Possibility:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Say what is narrow in the world, the same once."""
+        """List what is narrow in the world, one sentence each, without repeats."""
         told = (
             f"{way.is_only}, {'beside' if way.by else 'between'} {things_text(way.by)} "
             f"(robots plan for {way.needed:.2f} m)"

@@ -167,7 +167,7 @@ class StoredFailure(pytest.Item):
             return
         told = [f"{row.fate}: {row.sentence or row.signature}"]
         if row.jittered_failures:
-            told.append(f"{row.jittered_failures} of {row.jittered} copies fail")
+            told.append(f"{row.jittered_failures} of {row.jittered} perturbed runs fail")
         if row.picture:
             told.append(f"picture: {row.picture}")
         raise StackFailedError("\n".join([*told, f"again: {self._command()}"]))

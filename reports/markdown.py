@@ -94,7 +94,7 @@ def _what_was_checked(case: CaseContents) -> Iterator[str]:
         failed, runs = case.jittered
         yield from (f"Of {runs} perturbed runs, {failed} fail in a primary specification.", "")
     if case.confirmed:
-        yield from (f"Other engines, of the run and its copies: {case.confirmed}.", "")
+        yield from (f"On other engines, perturbed runs included: {case.confirmed}.", "")
     if case.rows:
         rows = (f"{row.change} fails in {row.failed} of {row.runs} runs" for row in case.rows)
         yield from (plain(f"{'; '.join(rows)}."), "")

@@ -263,7 +263,7 @@ def wait_sentence(
     if wait.cause == "queue" and not wait.blocked_by:
         return f"{wait.robot} waits for {resource or 'a resource'}, and no robot keeps it out."
     if wait.cause == "queue" and not resource:
-        return f"{wait.robot} waits for {wait.blocked_by}, as the stack tells."
+        return f"{wait.robot} waits for {wait.blocked_by}, as the stack reports."
     text = CAUSES.get(wait.cause, f"is blocked ({wait.cause})").format(
         other=wait.blocked_by or "another robot",
         resource=resource or "a resource",
@@ -292,7 +292,7 @@ def account_sentences(account: WaitAccount) -> tuple[str, ...]:
 
 
 def _are_apart(account: WaitAccount) -> bool:
-    """Whether no single place tells where the members stand."""
+    """Whether the members stand too far apart to name one place for all."""
     if len(account.places) < 2:
         return False
     points = [(row.x, row.y) for row in account.places]

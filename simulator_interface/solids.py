@@ -69,7 +69,7 @@ class Boxes:
         self._numbers: dict[int, int] = {}  # by the id of a shape, which FCL gives back
 
     def put(self, number: int, box: Box) -> None:
-        """Put a box there, in place of the one with this number if there is one."""
+        """Add a box, or replace the one that has this number."""
         self.take(number)
         shape, body = self._bodies[number] = box.body()
         self._numbers[id(shape)] = number

@@ -19,7 +19,7 @@ import sys
 import textwrap
 import types
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -33,10 +33,11 @@ from mrta_falsify.campaigns.trial_index import TrialRow
 from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
-from mrta_falsify.core import findings, fleet, protocols, registry, world
+from mrta_falsify.core import defects, findings, fleet, protocols, registry, world
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.observed import observed_in
 from mrta_falsify.core.trace import COLUMNS
+from mrta_falsify.testing.planted import PLANTS
 from mrta_falsify.verbs.allocate import PlanSummary
 from mrta_falsify.verbs.bench.timing_values import Speeds
 from mrta_falsify.verbs.campaign_summary import CampaignSummary
@@ -55,6 +56,8 @@ from mrta_falsify.verbs.run import RunSummary
 from mrta_falsify.verbs.sample import SampleIndex
 from mrta_falsify.verbs.stack_test.testing import DoorReport
 from mrta_falsify.verbs.zoo import SceneCheck
+from scenic_worlds.layouts.hospital import hospital
+from scenic_worlds.layouts.warehouse import warehouse
 from scenic_worlds.shipped import scenario_names, scenario_path
 from scenic_worlds.zoo import load_scene, scene_names
 
@@ -438,7 +441,42 @@ def scenes_table() -> str:
     return "\n".join(rows)
 
 
-TABLES = {"scenes": scenes_table, "scenarios": scenarios_table, "columns": columns_table}
+def faults_table() -> str:
+    """Write the table of the planted faults, from the registry and their test worlds."""
+    rows = [
+        "| Fault | Layer | What it does | Test world | Specification |",
+        "|---|---|---|---|---|",
+    ]
+    for name, plant in PLANTS.items():
+        fault = defects.defect(name)
+        rows.append(
+            f"| `{name}` | {fault.layer} | {fault.what} | {plant.scene} | `{plant.specification}` |"
+        )
+    return "\n".join(rows)
+
+
+def _arguments_table(function: Callable[..., Any]) -> str:
+    """Write the table of a function's arguments, from its docstring."""
+    docstring = inspect.cleandoc(function.__doc__ or "")
+    told = re.search(r"Args:\n(.*?)(?:\n\n|$)", docstring, re.DOTALL)
+    assert told is not None
+    texts = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", told[1], re.MULTILINE)
+    parameters = inspect.signature(function).parameters
+    rows = ["| Parameter | Default | |", "|---|---|---|"]
+    for name, text in texts:
+        rows.append(f"| `{name}` | `{parameters[name].default!r}` | {' '.join(text.split())} |")
+    return "\n".join(rows)
+
+
+#: tables that ``<!-- made: NAME -->`` in a page stands for
+TABLES: dict[str, Callable[[], str]] = {
+    "scenes": scenes_table,
+    "scenarios": scenarios_table,
+    "columns": columns_table,
+    "faults": faults_table,
+    "hospital": lambda: _arguments_table(hospital),
+    "warehouse": lambda: _arguments_table(warehouse),
+}
 
 
 # --- fields of JSON -----------------------------------------------------------------------------

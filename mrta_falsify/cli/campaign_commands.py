@@ -133,7 +133,7 @@ def _check_usage(
     if resume is None and scenario is None:
         raise click.UsageError("give a SCENARIO with -o DIR, or --resume DIR")
     if resume is None and directory is None and not dry_run:
-        raise click.UsageError("-o DIR is missing: where to keep what is found")
+        raise click.UsageError("-o DIR is missing; give the directory that will hold the campaign")
 
 
 def _resume(directory: Path, context: click.Context) -> CampaignResult:

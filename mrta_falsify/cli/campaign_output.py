@@ -193,9 +193,7 @@ def print_campaign(result: CampaignResult) -> None:
         out.print(f"on {engine.engine}: {engine.fails} of {engine.asked} robust failures fail, too")
     if data.robust is not None:
         sought = result.progress.sought
-        out.print(
-            f"with small differences most copies fail too: {data.robust} of {sought} failures"
-        )
+        out.print(f"most perturbed runs fail too: {data.robust} of {sought} failures")
     uncounted = _why_not_stopped(result, data)
     if uncounted:
         out.print(uncounted)
@@ -223,7 +221,7 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
     limit = progress.limits.stop_after
     if not limit or not data.failed or progress.robust >= limit or data.ended == "interrupted":
         return ""
-    few = "that few copies share"
+    few = "that few perturbed runs share"
     passed_over = [
         (data.afterthoughts, f"only in {' or '.join(data.then)}"),
         (data.kinds["shut"], "shut by the world"),

@@ -253,7 +253,10 @@ def say_cost(
         return
     if copies:
         first = f"the trial again, about {time_text(each)}"
-        say(f"{first}, then at most {runs - 1} copies; the time left is said once some are run")
+        say(
+            f"{first}, then at most {runs - 1} further runs; the time left is shown once some have "
+            "ended"
+        )
         return
     likely = f"about {expected} runs, " if 0 < expected < runs else ""
     time_said = time_text((expected if likely else runs) * each)

@@ -90,7 +90,7 @@ def _what_became(status: str, *, failed: bool) -> str:
 def _print_trials(rows: tuple[TrialRow, ...]) -> None:
     with_votes = any(row.jittered for row in rows)
     columns = ["id", "status", "score", "kind", "signature", "who", "layer", "simulated"]
-    columns += ["copies that fail"] if with_votes else []
+    columns += ["perturbed"] if with_votes else []
     with_repeats = any(row.repeats for row in rows)
     columns += ["came again"] if with_repeats else []
     with_engines = any(row.other_engines for row in rows)

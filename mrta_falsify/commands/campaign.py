@@ -303,8 +303,9 @@ def permit_resuming(directory: Path, trust: Trust) -> None:
     permit(directory, of_campaign(settings), trust)
     if not settings.trials.sources_digest and not is_own:
         raise StoreError(
-            f"{directory / SETTINGS}: has no digest of its program, so nothing tells whether "
-            f"{settings.trials.scenario} is the one that the campaign began with; begin a new one"
+            f"{directory / SETTINGS}: has no digest of its program, so "
+            f"{settings.trials.scenario} cannot be compared with the program that the campaign "
+            "began with; begin a new campaign"
         )
 
 

@@ -129,7 +129,7 @@ def new_settings(
     if estimating and jittered:
         raise InputError(
             f"jittered is {jittered}: a probability counts every failure, so sampler "
-            f"{made.sampler.name} takes no copies; it must be 0"
+            f"{made.sampler.name} runs no perturbed worlds; it must be 0"
         )
     return made
 

@@ -122,7 +122,7 @@ def summarise_campaign(result: CampaignResult) -> CampaignSummary:
 
 
 def shut_sentence(counts: Sequence[TightCount]) -> str:
-    """Say in how many worlds no robot fits to which room; empty: in none."""
+    """List the rooms that no robot fits to, each with the number of worlds; may be empty."""
     return ", ".join(f"{c.room} shut by {things_text(c.by)} ({c.worlds})" for c in counts)
 
 
@@ -131,8 +131,8 @@ def comparison_sentence(counts: StackComparison) -> str:
     worlds = "world" if counts.found == 1 else "worlds"
     unjudged = f", {counts.not_judged} not judged there" if counts.not_judged else ""
     return (
-        f"{counts.found} {worlds} on which only this stack fails, as copies on both bear out; "
-        f"{counts.knife_edges} on a knife edge, fails on both: {counts.on_both}{unjudged} "
+        f"{counts.found} {worlds} on which only this stack fails, confirmed by perturbed runs on "
+        f"both; {counts.knife_edges} on a knife edge, fails on both: {counts.on_both}{unjudged} "
         f"({counts.runs} runs of the other stack, {counts.wall_s:.0f} s)"
     )
 
@@ -150,7 +150,7 @@ def kinds_text(counts: Mapping[str, int]) -> str:
 
 
 def unseen_sentence(found: Unseen) -> str:
-    """Say how probably another uniform trial shows a new situation; empty: too few to tell."""
+    """Say the chance of a new situation in another uniform trial; empty if it is uncertain."""
     if found.high - found.low > WIDEST:
         return ""
     return (
@@ -164,8 +164,8 @@ def repeat_sentence(counts: RepeatCounts) -> str:
     """Say how many failures came again when nothing was changed."""
     total = counts.always + counts.sometimes + counts.never
     return (
-        f"run again, nothing changed: of {total} failures {counts.always} came again every time, "
-        f"{counts.sometimes} now and then, {counts.never} never"
+        f"repeated without any change: of {total} failures {counts.always} failed every time, "
+        f"{counts.sometimes} sometimes, {counts.never} never"
     )
 
 

@@ -220,6 +220,6 @@ def _facts(record: TrialRecord, view: RunView) -> tuple[tuple[str, str], ...]:
         ("world digest", view.world.digest()),
         ("trace digest", view.trace.digest),
         ("engine", record.engine),
-        *(("copies with small differences that fail", text) for text in copies),
+        *(("perturbed runs that fail", text) for text in copies),
         *((("the same run again", str(record.repeats)),) if record.repeats else ()),
     )

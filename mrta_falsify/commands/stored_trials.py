@@ -119,12 +119,12 @@ def compared_sentences(
         return ()
     parts = [str(other)]
     if jittered is not None:
-        parts.append(f"of the copies this stack fails {_chance_text(jittered, most)}")
+        parts.append(f"of the perturbed runs this stack fails {_chance_text(jittered, most)}")
         if other.jittered is not None:
             parts[-1] += f", the other one {_chance_text(other.jittered, most)}"
     if other.passes:
         is_borne_out = jittered is not None and jittered.robust and other.passes_most
-        parts.append(f"copies {'bear' if is_borne_out else 'do not bear'} it out")
+        parts.append(f"perturbed runs {'confirm' if is_borne_out else 'do not confirm'} it")
     return tuple(parts)
 
 
@@ -212,7 +212,7 @@ def of_other_stack(campaign: Campaign, record: TrialRecord) -> tuple[Campaign, T
     if record.other is None:
         raise StoreError(
             f"trial {record.id}: the other stack was not run; it runs only worlds in which the "
-            "stack under test fails in what is looked for first"
+            "stack under test violates a primary specification"
         )
     return theirs, theirs.record(record.id)
 

@@ -77,7 +77,7 @@ class Repeats:
         """Write it as in ``the same run fails again in 30 of 40 (95% interval 0.59 to 0.87)``."""
         same = self.same
         interval = interval_text(same.low, same.high, same.level)
-        more = f"; it fails otherwise in {self.otherwise}" if self.otherwise else ""
+        more = f"; it fails in another way in {self.otherwise}" if self.otherwise else ""
         more += f"; {same.undecided} could not be judged" if same.undecided else ""
         return f"the same run fails again in {same.failures} of {self.runs} ({interval}){more}"
 

@@ -91,13 +91,13 @@ class RunResult:
 class Vote:
     """What runs of a world with small differences say."""
 
-    runs: int  #: that were judged
+    runs: int  #: perturbed runs that were judged
     failed: int  #: of them
-    undecided: int = later(0)  #: runs beside these that tell nothing
+    undecided: int = later(0)  #: further runs, which could not be judged
 
     def __str__(self) -> str:
-        """Write it as in ``3 of 4 copies with small differences fail too``."""
-        return f"{self.failed} of {self.runs} copies with small differences fail too"
+        """Write it as in ``3 of 4 perturbed runs fail too``."""
+        return f"{self.failed} of {self.runs} perturbed runs fail too"
 
     @property
     def robust(self) -> bool:

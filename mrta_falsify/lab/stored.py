@@ -85,8 +85,8 @@ def _world_file(campaign: Campaign, record: TrialRecord) -> Path:
 def _check_is_of(record: TrialRecord, world: World, path: Path) -> None:
     if not record.world_digest:
         raise StoreError(
-            f"{path}: the record of trial {record.id} has no digest of its world, so nothing tells "
-            "whether this is the one that was run"
+            f"{path}: the record of trial {record.id} has no digest of its world, so this "
+            "world cannot be compared with the one that was run"
         )
     if world.digest() != record.world_digest:
         raise StoreError(

@@ -19,7 +19,7 @@ Rows = NDArray[np.void]  #: (N,) records
 
 
 def record_of(*fields: tuple[Any, ...]) -> np.dtype[np.void]:
-    """Make the type of a record of ``fields``, as numpy's dtypes have them."""
+    """Make the numpy dtype of a record with these ``fields``."""
     return np.dtype((np.record, np.dtype(list(fields), align=True)))
 
 

@@ -127,7 +127,7 @@ class Connection:
 
 
 class Harness:
-    """What a stack may ask in the middle of a tick; simulated time stands meanwhile."""
+    """Questions that a stack may ask while it works on a tick; simulated time stands still."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

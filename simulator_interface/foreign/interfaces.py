@@ -91,7 +91,7 @@ class FieldType:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageField:
-    """A field of a message."""
+    """Name, type and default of one field of a message."""
 
     name: str
     type: FieldType

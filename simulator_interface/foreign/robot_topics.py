@@ -103,7 +103,7 @@ PER_ROBOT = ("odom", "scan", "cmd_vel", "goal_pose", "plan")
 
 
 class Said(NamedTuple):
-    """What a message tells of a robot; None: nothing."""
+    """What a message says about one robot; None where it says nothing."""
 
     twist: tuple[float, float, float] | None = None  #: forward, left [m/s], turn rate [rad/s]
     goal: tuple[float, float] | None = None  #: [m]

@@ -194,8 +194,8 @@ def _in_metres(drawn: Mapping[str, _Drawn], data: Any, levels: Any, name: str, w
     shared = [fiducial for fiducial in ours if fiducial in theirs]
     if len(shared) < 2:
         raise FormatError(
-            f"{where}: levels.{name} shares {len(shared)} fiducials with {reference!r}; it must "
-            "share 2, or nothing says where it lies"
+            f"{where}: levels.{name} shares {len(shared)} fiducials with {reference!r}; at "
+            "least 2 must be shared to place the level"
         )
     scale = _scale(levels[reference], f"{where}: levels.{reference}")
     source, target = (np.array([group[key] for key in shared]) for group in (ours, theirs))

@@ -122,7 +122,7 @@ def _placed(top: Node, names: list[str]) -> Iterator[tuple[str, Array]]:
         node, matrix = pending.pop()
         seen += 1
         if seen > MAX_NODES:
-            raise ValueError("too many nodes")
+            raise ValueError(f"has more than {MAX_NODES} nodes")
         here = matrix @ _transform(node)
         for instance in node.findall("instance_geometry"):
             yield instance.get("url", "").lstrip("#"), here

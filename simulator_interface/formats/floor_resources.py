@@ -33,7 +33,7 @@ def resources_of(described: FloorFile, where: str) -> tuple[Resource, ...]:
         if not entry.name or entry.name in taken:
             problem = f"is {entry.name!r} again" if entry.name else "is empty"
             raise FormatError(
-                f"{place}.name {problem}; rooms and resources need names of their own"
+                f"{place}.name {problem}; each room and resource needs a different name"
             )
         taken.add(entry.name)
         found.append(resource_of(entry, place))

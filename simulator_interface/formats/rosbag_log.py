@@ -191,7 +191,7 @@ class _Seen:
         }
         if not chosen:
             raise FormatError(
-                f"{path}: tells no robot's poses; it needs Odometry, PoseStamped, "
+                f"{path}: has no robot's poses; it needs Odometry, PoseStamped, "
                 "PoseWithCovarianceStamped, TF to a base_link, or Open-RMF's FleetState"
             )
         begin = min(self._time(min(track.times)) for _, track in chosen.values())

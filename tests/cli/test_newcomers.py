@@ -252,8 +252,8 @@ def test_a_first_run_that_is_longer_does_not_count_in_the_time_left(capsys, monk
             120,
             31.5,
             True,
-            ["the trial again, about 32 s, then at most 119 copies; the time left is said once "
-             "some are run"],
+            ["the trial again, about 32 s, then at most 119 further runs; the time left is "
+             "shown once some have ended"],
         ),
         (10, 0.5, True, []),
     ],
@@ -322,7 +322,7 @@ def test_failures_that_do_not_stop_a_campaign_are_named(capsys):
     campaign_output.print_campaign(result)
     out = capsys.readouterr().out
     assert "--stop-after 1 counts other failures than these: " in out
-    assert "that few copies share" in out
+    assert "that few perturbed runs share" in out
 
 
 # --- what to try next -----------------------------------------------------------------------------

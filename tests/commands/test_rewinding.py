@@ -108,7 +108,7 @@ def test_copies_are_bounded_and_what_there_were_none_for_is_named(scripted):
     )
     assert found.runs == len(told) <= 45
     assert found.by == "planner"
-    assert found.left_out == "another queue policy: the copies were used up (--rewinds)"
+    assert found.left_out == "another queue policy: no runs were left (--rewinds)"
     assert scripted(lambda name, time, number: True, most=2) is None
 
 

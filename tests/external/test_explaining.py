@@ -220,7 +220,7 @@ def test_sentences_name_what_it_needs_and_what_it_does_not():
         "Not tried without task3: the runs were used up (--max-runs).",
         "The failure depends on the schedule: it is not there with every command 100 ms later; it "
         "stays with every command 50 ms later.",
-        "Most copies with small differences pass, so any change may remove the failure: these say "
+        "Most perturbed runs pass, so any change may remove the failure: these sentences say "
         "little.",
     )
 

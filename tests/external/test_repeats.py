@@ -53,13 +53,13 @@ def test_a_count_says_its_interval_and_what_else_happened():
     text = str(Repeats(same=same, otherwise=10, identical=0))
     low, high = f"{same.low:.2f}", f"{same.high:.2f}"
     assert text == (
-        f"the same run fails again in 30 of 40 (95% interval {low} to {high}); it fails otherwise "
-        "in 10"
+        f"the same run fails again in 30 of 40 (95% interval {low} to {high}); it fails in another "
+        "way in 10"
     )
     few = Repeats(same=failure_probability(3, 4, undecided=1), otherwise=1, identical=0)
     assert str(few) == (
-        "the same run fails again in 3 of 5 (too few runs for a 95% interval); it fails otherwise "
-        "in 1; 1 could not be judged"
+        "the same run fails again in 3 of 5 (too few runs for a 95% interval); it fails in another "
+        "way in 1; 1 could not be judged"
     )
 
 

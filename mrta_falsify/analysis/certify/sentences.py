@@ -13,7 +13,7 @@ from mrta_falsify.core.words import listed
 
 ASSUMED = (
     "This follows from World and trace if robots are discs of their radius, robots without work "
-    "stay, no robot enters a full area, and goals are as the stack tells them."
+    "stay, no robot enters a full area, and goals are as the stack reports them."
 )
 
 

@@ -200,7 +200,7 @@ def _finest_of(branches: Sequence[Branch], found: float) -> Callable[[Branch], f
 
 def _without_room(branches: Sequence[Branch]) -> str:
     names = dict.fromkeys(branch.text for branch in branches)
-    return f"{', '.join(names)}: the copies were used up (--rewinds)" if names else ""
+    return f"{', '.join(names)}: no runs were left (--rewinds)" if names else ""
 
 
 class _Question(NamedTuple):

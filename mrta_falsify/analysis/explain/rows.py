@@ -353,7 +353,7 @@ def suspicion_from(
         does = "makes it rarer" if any(row.failed for row in cures) else "removes it"
         return Suspicion(
             "",
-            f"{NO_LAYER}exchanging {which} {does}, and no row is told from all others"
+            f"{NO_LAYER}exchanging {which} {does}, and no row separates from all others"
             f"{_not_as_shipped(cures)}",
         )
     return Suspicion("", f"{NO_LAYER}{told(stack)}, and no exchange removes it")

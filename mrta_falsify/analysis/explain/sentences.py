@@ -21,8 +21,8 @@ def needs_sentences(found: Explanation) -> tuple[str, ...]:
     is_gone = any(run.fate == "gone" for run in (*found.absences, *found.schedules))
     if is_gone and found.jittered.most_pass:
         sentences.append(
-            "Most copies with small differences pass, so any change may remove the failure: these "
-            "say little."
+            "Most perturbed runs pass, so any change may remove the failure: these sentences say "
+            "little."
         )
     return tuple(sentences)
 
@@ -134,7 +134,7 @@ def _turn_sentence(curve: ChanceCurve, what: str) -> str:
     before = curve.at(curve.open_until) if curve.open_until is not None else None
     after = curve.at(curve.lost_from)
     parts = [
-        f"{point.chance.failures} of {point.chance.trials} copies fail when the run is repeated "
+        f"{point.chance.failures} of {point.chance.trials} runs fail when the run is repeated "
         f"from {point.time:.1f} s "
         f"({interval_text(point.chance.low, point.chance.high, point.chance.level)})"
         for point in (before, after)

@@ -20,7 +20,7 @@ MAX_CASES = 10  # shown in full
 MEANINGS: dict[ChangeKind, str] = {
     "new": "fails now, and did not in the last run",
     "ongoing": "failed in the last run, too",
-    "flaky": "fails in few of its copies, or not every time",
+    "flaky": "fails in few of its perturbed runs, or not every time",
     "resolved": "does not fail any more",
 }
 

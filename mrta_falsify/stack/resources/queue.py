@@ -80,7 +80,7 @@ class Queue:
         return not inside(self.resource.release_area, position)
 
     def is_served(self, state: QueueState, robot: int, time: float) -> bool:
-        """Whether a holder's visit has lasted for the service time, or has not begun."""
+        """Whether no service of this holder is under way: it is over, or has not begun."""
         return time >= state.entered.get(robot, -np.inf) + self.resource.service_time
 
     def ask(self, state: QueueState, waiter: Waiter) -> bool:

@@ -161,7 +161,7 @@ class NodeStack:
 
 
 def still_chance(seed: int) -> None:
-    """Seed all generators of this process, those that ask for no seed among them."""
+    """Seed all random generators of this process, also those that code makes without a seed."""
     random.seed(seed)
     np.random.seed(seed % 2**32)  # noqa: NPY002 - the user's code may draw from it
     seeded = np.random.default_rng

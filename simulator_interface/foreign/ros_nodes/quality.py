@@ -98,7 +98,7 @@ class QoSPresetProfiles(enum.Enum):
 
 
 def profile_of(given: Any) -> QoSProfile:
-    """Give the profile that a depth or a profile stands for.
+    """Convert a queue depth to a quality-of-service profile; a profile stays as it is.
 
     Raises:
         TypeError: it is neither.

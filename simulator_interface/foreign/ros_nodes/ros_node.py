@@ -58,7 +58,9 @@ class Node:
         **more: Any,
     ) -> None:
         if more:
-            raise NotImplementedError(f"the stand-in for rclpy: Node({', '.join(more)}=...)")
+            raise NotImplementedError(
+                f"the stand-in for rclpy does not support Node({', '.join(more)}=...)"
+            )
         self._program = here.program()
         launch = self._program.launch
         self._remappings = dict(launch.remappings) if use_global_arguments else {}
@@ -157,7 +159,9 @@ class Node:
     ) -> Subscription:
         """Subscribe to a topic."""
         if raw:
-            raise NotImplementedError("the stand-in for rclpy: create_subscription(raw=True)")
+            raise NotImplementedError(
+                "the stand-in for rclpy does not support create_subscription(raw=True)"
+            )
         subscription = Subscription(
             self._graph,
             msg_type,
