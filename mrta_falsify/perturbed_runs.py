@@ -113,7 +113,7 @@ def compared_by_vote(
 
 
 def fails(result: RunResult) -> bool:
-    """Whether a copy fails in what is looked for first; one that cannot be judged does not.
+    """Whether a perturbed run violates a primary specification; one not judged does not.
 
     Raises:
         InputError: it cannot be run.
@@ -169,7 +169,7 @@ def other_run(failure: Verdict | None, theirs: RunResult, then: Collection[str])
     Args:
         failure: of the stack under test.
         theirs: of the other stack.
-        then: specifications that are looked for last.
+        then: secondary specifications.
     """
     return OtherRun(
         fate=fate_on_other(failure, theirs),
@@ -185,7 +185,7 @@ def other_run(failure: Verdict | None, theirs: RunResult, then: Collection[str])
 
 
 def fate_on_other(failure: Verdict | None, theirs: RunResult) -> FateOnOther:
-    """Say what becomes of a failure on the other stack, in what is looked for first.
+    """Say what becomes of a failure on the other stack, by primary specifications.
 
     Args:
         failure: of the stack under test, the violated verdict that explains it.

@@ -33,29 +33,29 @@ from mrta_falsify.campaigns.trial_index import TrialRow
 from mrta_falsify.cli import main
 from mrta_falsify.cli.exits import MEANINGS
 from mrta_falsify.cli.group import COMMANDS
+from mrta_falsify.commands.allocate import PlanSummary
+from mrta_falsify.commands.bench.timing_values import Speeds
+from mrta_falsify.commands.campaign_summary import CampaignSummary
+from mrta_falsify.commands.certificates import CertifiedTrial
+from mrta_falsify.commands.check import CheckSummary
+from mrta_falsify.commands.ci.project import ProjectFile, ScenarioEntry, StackEntry
+from mrta_falsify.commands.ci.running import CiResult
+from mrta_falsify.commands.compare import Comparison
+from mrta_falsify.commands.doctor import HealthCheck
+from mrta_falsify.commands.estimate import CostEstimate
+from mrta_falsify.commands.floor_import import ImportedFloor
+from mrta_falsify.commands.incident.importing import ImportedLog
+from mrta_falsify.commands.issue import IssueFiles
+from mrta_falsify.commands.replay import ReplaySummary
+from mrta_falsify.commands.run import RunSummary
+from mrta_falsify.commands.sample import SampleIndex
+from mrta_falsify.commands.stack_test.testing import DoorReport
+from mrta_falsify.commands.zoo import SceneCheck
 from mrta_falsify.core import defects, findings, fleet, protocols, registry, world
 from mrta_falsify.core.external import ExternalStack
 from mrta_falsify.core.observed import observed_in
 from mrta_falsify.core.trace import COLUMNS
 from mrta_falsify.testing.planted import PLANTS
-from mrta_falsify.verbs.allocate import PlanSummary
-from mrta_falsify.verbs.bench.timing_values import Speeds
-from mrta_falsify.verbs.campaign_summary import CampaignSummary
-from mrta_falsify.verbs.certificates import CertifiedTrial
-from mrta_falsify.verbs.check import CheckSummary
-from mrta_falsify.verbs.ci.project import ProjectFile, ScenarioEntry, StackEntry
-from mrta_falsify.verbs.ci.running import CiResult
-from mrta_falsify.verbs.compare import Comparison
-from mrta_falsify.verbs.doctor import HealthCheck
-from mrta_falsify.verbs.estimate import CostEstimate
-from mrta_falsify.verbs.floor_import import ImportedFloor
-from mrta_falsify.verbs.incident.importing import ImportedLog
-from mrta_falsify.verbs.issue import IssueFiles
-from mrta_falsify.verbs.replay import ReplaySummary
-from mrta_falsify.verbs.run import RunSummary
-from mrta_falsify.verbs.sample import SampleIndex
-from mrta_falsify.verbs.stack_test.testing import DoorReport
-from mrta_falsify.verbs.zoo import SceneCheck
 from scenic_worlds.layouts.hospital import hospital
 from scenic_worlds.layouts.warehouse import warehouse
 from scenic_worlds.shipped import scenario_names, scenario_path

@@ -237,7 +237,7 @@ def _why_not_stopped(result: CampaignResult, data: CampaignSummary) -> str:
 
 
 def _secondary_note(data: CampaignSummary) -> str:
-    """Count the failures only in what is looked for last."""
+    """Count the failures in secondary specifications only."""
     return f", {data.afterthoughts} only in {' or '.join(data.then)}" if data.then else ""
 
 

@@ -78,7 +78,7 @@ class RunResult:
 
     @property
     def failed(self) -> bool:
-        """Whether what is looked for first is violated."""
+        """Whether a primary specification is violated."""
         return self.rank == "primary"
 
     @property

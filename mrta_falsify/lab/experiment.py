@@ -132,5 +132,5 @@ Fails: TypeAlias = Callable[[RunResult], bool | None]
 
 
 def is_failed(result: RunResult) -> bool | None:
-    """Whether what is looked for first is violated; None: the run could not be judged."""
+    """Whether a primary specification is violated; None: the run could not be judged."""
     return result.failed if result.status == "judged" else None

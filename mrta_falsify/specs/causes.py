@@ -93,7 +93,7 @@ def primary(verdicts: Sequence[Verdict], then: Collection[str] = ()) -> tuple[Ve
 
     Args:
         verdicts: of one run.
-        then: specifications that are looked for last.
+        then: secondary specifications.
 
     Returns:
         The violated ones, without ``then``, without a place that the world shut, and without what

@@ -16,7 +16,7 @@ from mrta_falsify.core.spec_profile import profile_of
 from mrta_falsify.core.verdict import Verdict
 
 MEAN_SHARE = 0.1  # of the mean margin in the score
-LAST_COUNTS = 0.5  # of what is looked for last
+LAST_COUNTS = 0.5  # of a secondary specification
 SMALLEST = 1e-9  # a margin of this size only says on which side of 0 it is
 
 
@@ -41,7 +41,7 @@ def search_score(margins: dict[str, float], then: Collection[str] = ()) -> float
     Args:
         margins: by specification, as of :func:`objectives`. Without any, nothing was judged,
             and the score is that of the safest run.
-        then: specifications that are looked for last: they count half, and never below 0.
+        then: secondary specifications: they count half, and never below 0.
     """
     if not margins:
         return 1.0
