@@ -34,7 +34,7 @@ class Counterfactual:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerRow:
-    """What became of a failure in copies of its world, with one layer exchanged.
+    """What became of a failure in perturbed runs of its world, with one layer exchanged.
 
     ``mrta_falsify/analysis/explain/rows.py`` says what counts as what.
     """

@@ -28,7 +28,7 @@ EVEN = 0.5  # chance of failure above which a failure counts as decided
 class RewoundTo:
     """How often the run fails if it is repeated from a time with small differences."""
 
-    time: float  #: from which the copies differ [s]
+    time: float  #: from which the repeated runs differ [s]
     chance: Probability
 
     @property
@@ -59,9 +59,10 @@ class ChanceCurve:
     name: str = ""  #: of the layer or robot
     change: str  #: in words
     restores: bool = False  #: whether the shipped layer replaced another one
-    points: tuple[RewoundTo, ...]  #: by time, all of copies that told something
-    open_until: float | None  #: last time looked at at which most copies got by [s]
-    lost_from: float  #: first time looked at from which most fail [s]; the violation at the latest
+    points: tuple[RewoundTo, ...]  #: by time, all at which runs could be judged
+    open_until: float | None  #: last time examined at which most runs avoid the failure [s]
+    #: first time examined from which most runs fail [s]; the violation at the latest
+    lost_from: float
 
     def band(self, time: float) -> Band:
         """Bound the chance at a time by the intervals before and after it."""
@@ -83,7 +84,7 @@ class Inevitability:
     curves: tuple[ChanceCurve, ...]  #: of the stack as it is, then of what was replaced
     decided_at: float | None  #: from when on it was decided [s]; None: that is not known
     by: str = ""  #: the layer that would have averted it until then; empty: no single one
-    runs: int  #: copies run
+    runs: int  #: repeated runs
     left_out: str = ""  #: what could not be rewound, and why
 
 

@@ -27,7 +27,7 @@ Status = Literal["ok", "rejected", "impossible", "crashed", "timeout"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PerturbedRuns(Vote):
-    """What became of copies of a failing world with small differences, margins included."""
+    """What became of the perturbed runs of a failing world, margins included."""
 
     objectives: dict[str, float] = field(default_factory=dict)
     """Margins as copies tell them (:func:`mrta_falsify.perturbed_runs.expected_margin`)."""
@@ -91,18 +91,18 @@ class Repeats:
 class OtherRun:
     """What the other stack did in a world in which the stack under test fails."""
 
-    fate: Literal["passes", "fails", "not judged"]  #: in what the campaign looks for first
+    fate: Literal["passes", "fails", "not judged"]  #: by primary specifications
     score: float  #: smaller is closer to a violation, below 0 if it fails
     verdicts: tuple[Verdict, ...] = ()
     signature: str = ""  #: of its failure, empty if nothing is violated
-    signature_before: str = later("")  #: the same, as of a trial
-    #: the same copies as of the stack under test; None where they would decide nothing
+    signature_before: str = later("")  #: the same, as in a trial record
+    #: the same perturbed runs; null where they would decide nothing
     jittered: PerturbedRuns | None = None
     trace_file: str = ""  #: relative to the campaign directory, empty if not kept
     trace_digest: str = ""
     ended: str = ""  #: why the episode ended
     sim_time: float = 0.0  #: simulated, of the world itself [s]
-    runs: int = 1  #: of the world and of copies
+    runs: int = 1  #: of the world and its perturbed runs
     wall_s: float = 0.0  #: measured, of all runs [s]
 
     def __str__(self) -> str:
