@@ -74,7 +74,7 @@ class Judged:
     descriptors: dict[str, float]  #: see :mod:`mrta_falsify.specs.descriptors`
     situations: tuple[str, ...] = ()  #: see :mod:`mrta_falsify.specs.descriptors`
     involved: tuple[str, ...] = ()  #: objects that took part when it was nearest to a deadlock
-    then: tuple[str, ...] = ()  #: specifications that are looked for last
+    then: tuple[str, ...] = ()  #: secondary specifications
 
     @property
     def failed(self) -> bool:
@@ -83,7 +83,7 @@ class Judged:
 
     @property
     def is_primary(self) -> bool:
-        """Whether a specification is violated that is looked for first."""
+        """Whether a primary specification is violated."""
         return bool(primary(self.verdicts, self.then))
 
     @property
@@ -386,15 +386,15 @@ def primary_and_secondary(
 
     Args:
         specs: that the user names; those of campaigns if empty.
-        then: that the user wants to be looked for last. Without either these are the ones that say
+        then: that the user wants to be secondary. Without either these are the ones that say
             only that work was late or undone: they drown deadlocks, which people look for.
         config: the stack under test; None: the default one.
 
     Returns:
-        All that judge a trial, and those of them that are looked for last.
+        All that judge a trial, and the secondary ones of them.
 
     Raises:
-        ConfigError: nothing is left to be looked for first.
+        ConfigError: no primary specification is left.
     """
     named, last = spec_names(specs), spec_names(then)
     if not named and not last:

@@ -120,7 +120,7 @@ def sampler_options(settings: CampaignSettings) -> dict[str, Any]:
 def feedback_of(record: TrialRecord, cube: Cube, then: Collection[str] = ()) -> Feedback:
     """Build what the sampler is told about a record; errors look like rejected scenes to it.
 
-    What is looked for last (``then``) is no objective to it; a failure only in that is none. Nor
+    A secondary specification (``then``) is no objective to it; a failure only of that is none. Nor
     is a place that the world shut, or a failure that the other stack shares where two are
     compared. Of a failure with copies it is told the margins to expect: a knife edge looks like the
     passing worlds around it, and its score is not below 0. Its signature differs from that of a

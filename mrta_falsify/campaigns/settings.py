@@ -53,7 +53,7 @@ class TrialSettings:
     #: the other stack, on which failures must not happen; None: none is compared
     against: StackConfig | None = later(None)
     specifications: tuple[str, ...] = ()  #: that judge; empty: the default ones
-    then: tuple[str, ...] = later(())  #: of them, those that are looked for last
+    then: tuple[str, ...] = later(())  #: of them, the secondary ones
     seed: int = quantity(
         low=0, default=0, text="Seed of the campaign: the same seed gives the same candidates."
     )

@@ -140,8 +140,8 @@ class CampaignStats:
     errors: int = 0  #: that older versions stored for trials that were lost
     failed: int = 0
     robust: int = 0  #: of the failures, those that count for ``stop_after``
-    primary: int = 0  #: of the failures, those in what is looked for first
-    afterthoughts: int = 0  #: of the failures, those only in what is looked for last
+    primary: int = 0  #: of the failures, those of primary specifications
+    afterthoughts: int = 0  #: of the failures, those only of secondary specifications
     #: of the other failures, by ``group_of``: deadlock, stuck, shut (by the world), and other
     kinds: dict[str, int] = field(default_factory=lambda: dict.fromkeys((*KINDS, OTHER), 0))
     #: the same of those failures that the other stack does not share, where there is one
@@ -250,7 +250,7 @@ class CampaignStats:
 
     @property
     def sought(self) -> int:
-        """Failures in what is looked for first, those that the other stack shares included."""
+        """Failures of primary specifications, those that the other stack shares included."""
         return self.failed - self.afterthoughts - self.kinds["shut"]
 
     @property
@@ -263,7 +263,7 @@ class CampaignStats:
 
     @property
     def modes(self) -> tuple[FailureMode, ...]:
-        """Failures by signature: deadlocks, stuck, others, shut, then what is looked for last.
+        """Failures by signature: deadlocks, stuck, others, shut, then secondary ones.
 
         Each with the most frequent first. Failures that the other stack does not pass, where there
         is one, are only counted (:attr:`comparison`).
@@ -282,7 +282,7 @@ class CampaignStats:
 
     @property
     def primary_modes(self) -> int:
-        """How many modes are of what is looked for first; a place that the world shut is none."""
+        """How many modes are of primary specifications; a place that the world shut is none."""
         return sum(not mode.is_afterthought and mode.kind != "shut" for mode in self.modes)
 
     def signatures(self, *, knife_edges: bool) -> tuple[str, ...]:

@@ -117,7 +117,7 @@ def campaign(
         against: another stack: failures are looked for that it does not share. Engine and people
             are those of the stack under test.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
-        then: specifications that are looked for last: they end no trial early, have no copies and
+        then: secondary specifications: they end no trial early, have no copies and
             do not count for ``stop_after``; deadlines and undone tasks if both are empty.
         params: Scenic's global parameters to override.
         mode: how scenes are accepted, ``repair`` or ``exact``.

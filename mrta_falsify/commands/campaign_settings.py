@@ -63,7 +63,7 @@ def new_settings(
         settings: ``--set`` texts applied to the stack.
         against: another stack, on which failures must not happen; none is compared if None.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
-        then: specifications that are looked for last; deadlines and undone tasks if both are empty.
+        then: secondary specifications; deadlines and undone tasks if both are empty.
         params: Scenic's global parameters to override.
         sampler: registered name, or a choice with options.
         seed: of the campaign; candidate n gets its own from it.

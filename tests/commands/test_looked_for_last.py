@@ -1,4 +1,4 @@
-"""Kinds of failure in order: what is looked for last ends no trial and is not what is wanted."""
+"""Kinds of failure in order: a secondary specification ends no trial and is not what is wanted."""
 
 import dataclasses
 

@@ -93,7 +93,7 @@ def _yaml_of(stack: StackConfig | None) -> str:
 
 
 def headline_of(stats: CampaignStats) -> str:
-    """Give the result of a campaign in one line; what is looked for last is counted apart."""
+    """Give the result of a campaign in one line; failures of secondary specifications apart."""
     judged = stats.judged
     if not judged:
         return "No trial has been judged" if stats.records else "No trial has been run yet"
@@ -103,12 +103,12 @@ def headline_of(stats: CampaignStats) -> str:
     count = stats.primary_modes
     kinds = "one mode" if count == 1 else f"{count} modes"
     verb = "violates" if sought == 1 else "violate"
-    which = " that is looked for first" if last else ""
-    first = f"{sought} of {judged} trials {verb} a specification{which}, in {kinds}"
+    which = "primary " if last else ""
+    first = f"{sought} of {judged} trials {verb} a {which}specification, in {kinds}"
     first += f": {kinds_text({**stats.kinds, 'shut': 0})}"
     if not sought:
-        first = f"None of {judged} trials violates a specification"
-        first += " that is looked for first" if last or shut else ""
+        which = "primary " if last or shut else ""
+        first = f"None of {judged} trials violates a {which}specification"
     first += f"; {shut} {KIND_TEXT['shut']}" if shut else ""
     names = " or ".join(stats.settings.trials.then)
     return f"{first}; {last} only {names}" if last else first
