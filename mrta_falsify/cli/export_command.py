@@ -43,6 +43,11 @@ def export_command(target: str, id: str | None, **options: Any) -> int:
         raise click.UsageError("--run and --trust belong to a trial of a campaign")
     if id is not None and (options["stack"] or options["settings"]):
         raise click.UsageError("--stack and --set belong to a WORLD; a trial has its own stack")
+    from mrta_falsify.core import registry
+
+    kinds = registry.names("exporter")
+    if options["format"] not in kinds and ":" not in options["format"]:
+        raise click.UsageError(f"{options['format']!r} is not a format: {', '.join(kinds)}")
     from mrta_falsify.commands.export import export, exporter_named
 
     if id is None and exporter_named(options["format"]).of_run:

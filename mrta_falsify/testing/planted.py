@@ -32,6 +32,8 @@ SPEED = 0.69  # m/s, mean speed of MRTA-Sim's travel times; deadlines are made f
 #: ``no_deadlock`` by one continuation of half a minute: enough where a robot stands for good, at a
 #: tenth of the time
 STANDS = "no_deadlock{copies: 1, look_ahead: 30}"
+#: the same by a minute: enough where two robots creep until they stand
+CREEPS = "no_deadlock{copies: 1, look_ahead: 60}"
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def ring_campaign(tmp_path_factory):
     job = Job(
         world=world,
         config=on_kinematic_engine(StackConfig()),
-        specifications=("no_deadlock{copies: 1, look_ahead: 30, members: false}",),
+        specifications=("no_deadlock{copies: 1, look_ahead: 60}",),
         early_stop=True,
     )
     campaign = stored(directory, job, judge(job))

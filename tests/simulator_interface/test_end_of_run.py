@@ -98,7 +98,7 @@ def test_a_stack_that_says_at_once_that_all_is_done_fails(day, monkeypatch):
     monkeypatch.setattr(Dispatcher, "_take_arrivals", lambda self, state, time: False)
     tasks = len(day.tasks)
     says(monkeypatch, lambda time, events: all_claims(time, tasks) if time == 0.0 else events)
-    outcome = run(dataclasses.replace(day, horizon=60.0))
+    outcome = run(day)
     assert (outcome.ended, outcome.tasks.completed) == ("horizon", 0)
     assert verdict(outcome, "all_tasks_done").robustness == -1.0
     assert verdict(outcome, "deadlines").violated

@@ -15,7 +15,7 @@ from mrta_falsify.core.world import Blockage, CommsOutage, Task
 from mrta_falsify.process.supervisor import run_supervised
 from mrta_falsify.specs.library import build_specifications
 from mrta_falsify.testing.floors import robot, two_rooms
-from mrta_falsify.testing.planted import STANDS
+from mrta_falsify.testing.planted import CREEPS, STANDS
 from mrta_falsify.testing.stacks import IN_TURN, SYMMETRIC, stack
 from simulator_interface.episode import Episode
 from simulator_interface.forecast import EpisodeForecast
@@ -171,7 +171,7 @@ def head_on_in_a_lane():
 @pytest.mark.parametrize(
     ("engine", "judge"),
     [
-        *(pytest.param(engine, STANDS, id=engine) for engine in ENGINES),
+        *(pytest.param(engine, CREEPS, id=engine) for engine in ENGINES),
         pytest.param("kinematic", "no_deadlock", id="to the end", marks=pytest.mark.long),
     ],
 )

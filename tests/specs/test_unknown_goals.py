@@ -12,7 +12,7 @@ from mrta_falsify.core.protocols import Watch
 from mrta_falsify.process.child import can_fork
 from mrta_falsify.specs.deadlock.unknown_goals import UnknownGoals
 from mrta_falsify.specs.library import build_specifications
-from mrta_falsify.testing.planted import STANDS
+from mrta_falsify.testing.planted import CREEPS
 from simulator_interface.simulate import simulate
 from tests.simulator_interface.test_forecast import head_on_in_a_lane, on
 from tests.specs.frames import DT, Robot, Script
@@ -26,7 +26,7 @@ pytestmark = [
 def judged(**more):
     world, config = head_on_in_a_lane()
     config = dataclasses.replace(on("kinematic", config), **more)
-    specs = build_specifications([STANDS])
+    specs = build_specifications([CREEPS])
     world = dataclasses.replace(world, horizon=90.0)
     outcome = simulate(world, config, specifications=specs, stop=lambda _: _end_of(specs[0]))
     return outcome.verdicts[0]

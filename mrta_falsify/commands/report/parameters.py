@@ -219,7 +219,7 @@ def passing_trials(records: Sequence[TrialRecord], dimensions: int) -> PassingTr
         for record in records
         if record.status == "ok" and not record.failed and len(record.candidate.u) == dimensions
     )
-    points = np.array([record.candidate.u for record in found]).reshape(-1, dimensions)
+    points = np.array([record.candidate.u for record in found]).reshape(len(found), dimensions)
     return PassingTrials(records=found, points=points)
 
 
