@@ -177,7 +177,8 @@ def _print_floor(done: ImportedFloor) -> None:
     out.print(
         f"roadways  {done.lanes} lanes{given}, the longest trip takes {done.longest_travel_s:.0f} s"
     )
-    out.print(f"parking   {done.parking} places{' (given)' if done.parking_given else ''}")
+    places = "1 place" if done.parking == 1 else f"{done.parking} places"
+    out.print(f"parking   {places}{' (given)' if done.parking_given else ''}")
     out.print()
     table = output.new_table("room", "at [m]", "door [m]", "waiting spots", whole=("room",))
     for room in done.rooms:
