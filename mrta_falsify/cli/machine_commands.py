@@ -149,6 +149,7 @@ def doctor_command(style: str) -> int:
     """Check this machine: Python, libraries, compiled-code cache, determinism, extras."""
     from mrta_falsify.commands.doctor import doctor, is_healthy
 
+    output.say("looking at libraries and plug-ins; two short runs take a minute or two")
     checks = doctor()
     if style == "json":
         output.print_json({"ok": is_healthy(checks), "checks": checks})
