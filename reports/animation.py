@@ -20,6 +20,7 @@ from mrta_falsify.core.durable import naming, replacing, write_atomically
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.exporting import Exported
 from mrta_falsify.core.fleet import Phase
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.specs.books import confirmed
 from reports.colours import INK, PAINTS, PHASES, UNSAFE, robot_colour
 from reports.contents import RunView
@@ -224,18 +225,11 @@ def _draw_banner(draw: ImageDraw.ImageDraw, view: RunView, tick: int, speed: flo
 # --- as formats of `export` -------------------------------------------------------------------
 
 
-class Gif:
+class Gif(WithoutOptions):
     """An animated run that repeats."""
 
     of_run, of_folder = True, False
     _write = staticmethod(write_gif)
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """Nothing to choose."""
-
-    def __init__(self, options: Options) -> None:
-        del options
 
     def write(self, exported: Exported, path: Path) -> tuple[Path, ...]:
         """See :class:`~mrta_falsify.core.exporting.Exporter`."""

@@ -14,6 +14,7 @@ import importlib
 import importlib.metadata
 import os
 import warnings
+from dataclasses import dataclass
 from typing import Any
 
 from mrta_falsify.core import codec
@@ -56,6 +57,17 @@ RENAMED = {"allocator": {"smt": "exact"}}
 LAST_WITH_THEM = "45907df"  #: the last commit that has them
 
 OUTSIDE = "simulator_interface.external.layers"  #: module of layers that run by ``exec:``
+
+
+class WithoutOptions:
+    """A component with nothing to choose."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Options:
+        """Nothing to choose."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
 
 
 @functools.cache

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mrta_falsify.core.arrays import Array
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.core.world import Lane
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _NoOptions:
-    """Nothing to choose."""
-
-
-class Roadways:
+class Roadways(WithoutOptions):
     """Waypoints along the right-hand lanes of the world."""
-
-    Options = _NoOptions
-
-    def __init__(self, options: _NoOptions) -> None:
-        self._options = options
 
     def to_queue(self, lane: Lane, tail: Array) -> Array:
         """See :class:`~mrta_falsify.core.protocols.WaypointGenerator`."""
@@ -32,13 +21,8 @@ class Roadways:
         return np.asarray(lane.to_room)
 
 
-class Direct:
+class Direct(WithoutOptions):
     """Straight to the destination; the planner alone finds the way."""
-
-    Options = _NoOptions
-
-    def __init__(self, options: _NoOptions) -> None:
-        self._options = options
 
     def to_queue(self, lane: Lane, tail: Array) -> Array:
         """See :class:`~mrta_falsify.core.protocols.WaypointGenerator`."""

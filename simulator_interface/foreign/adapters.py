@@ -6,12 +6,12 @@ An adapter turns the text behind its name into the process that speaks the stack
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.external import ExternalStack, bound_to, split_command
+from mrta_falsify.core.registry import WithoutOptions
 
 
 class StackAdapter(Protocol):
@@ -30,20 +30,11 @@ class StackAdapter(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
-    """Nothing to choose."""
-
-
-class RosNodes:
+class RosNodes(WithoutOptions):
     """ROS 2 nodes in Python without ROS, as a launch file of ours names them."""
 
-    Options = NoOptions
     module = "simulator_interface.foreign.ros_nodes"
     needs = "a file with the nodes, as ros_nodes:nodes.yaml"
-
-    def __init__(self, options: NoOptions) -> None:
-        del options
 
     def stack(self, text: str, *, where: str, folder: Path) -> ExternalStack:
         """See :class:`StackAdapter`."""

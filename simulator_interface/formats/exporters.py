@@ -5,27 +5,18 @@ Each is a :class:`~mrta_falsify.core.exporting.Exporter` that calls its own writ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from mrta_falsify.core.exporting import Exported
+from mrta_falsify.core.registry import WithoutOptions
 from simulator_interface.formats import nav2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
-    """Nothing to choose."""
+class _Format(WithoutOptions):
+    """A format of a world, in one file."""
 
-
-class _Format:
-    """A format without options, of a world, in one file."""
-
-    Options = NoOptions
     of_run = False
     of_folder = False
-
-    def __init__(self, options: NoOptions) -> None:
-        del options
 
 
 class Nav2Map(_Format):

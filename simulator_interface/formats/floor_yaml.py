@@ -103,39 +103,25 @@ def read_floor(path: Path, rooms: Path | None = None, *, level: str | None = Non
     Raises:
         InputError: a file is missing or broken; it has no rooms; a field is not allowed.
     """
-    importer = _importer_of(path.name.lower())
-    return importer.read(path, rooms, level)
+    return _importer_of(path.name.lower()).read(path, rooms, level)
 
 
 def _importer_of(name: str) -> FloorImporter:
-    """Find the importer of a file's name: of several endings that fit, the longest."""
-    importers = [
-        registry.build(POINT, Choice(one), where="import")
-        for one in sorted(registry.names(POINT), key=lambda one: one == FALLBACK)
-    ]
-    fits = [
-        (len(ending), -number)
-        for number, importer in enumerate(importers)
-        for ending in importer.endings
-        if name.endswith(ending)
-    ]
-    found: FloorImporter = importers[-max(fits)[1]] if fits else importers[-1]
-    return found
+    """Find the importer of a file's name: of several that fit, that of the longest ending."""
+
+    def fit(importer: FloorImporter) -> int:
+        return max((len(end) for end in importer.endings if name.endswith(end)), default=0)
+
+    names = sorted(registry.names(POINT), key=lambda one: one == FALLBACK)  # others before ours
+    importers = [registry.build(POINT, Choice(one), where="import") for one in names]
+    found: FloorImporter = max(importers, key=fit)
+    return found if fit(found) else importers[-1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
-    """Nothing to choose."""
-
-
-class SdfImporter:
+class SdfImporter(registry.WithoutOptions):
     """Reads worlds of Gazebo, whose rooms are in a floor file."""
 
-    Options = NoOptions
     endings = (".sdf", ".world")
-
-    def __init__(self, options: NoOptions) -> None:
-        del options
 
     def read(self, path: Path, rooms: Path | None = None, level: str | None = None) -> Floor:
         """See :class:`FloorImporter`."""
@@ -144,14 +130,10 @@ class SdfImporter:
         return _assembled(beside, _described(beside), sdf_file=path)
 
 
-class YamlImporter:
+class YamlImporter(registry.WithoutOptions):
     """Reads floor files, Nav2 maps with a floor file, and buildings of Open-RMF."""
 
-    Options = NoOptions
     endings = (".yaml", ".yml")
-
-    def __init__(self, options: NoOptions) -> None:
-        del options
 
     def read(self, path: Path, rooms: Path | None = None, level: str | None = None) -> Floor:
         """See :class:`FloorImporter`."""

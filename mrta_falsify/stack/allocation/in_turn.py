@@ -6,9 +6,8 @@ their numbers, one at a time. Robots of opposite ends get opposite ways, so they
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, OpenTask, Stop
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.stack.allocation.timing import (
     append_only,
     dropoff_of,
@@ -19,15 +18,8 @@ from mrta_falsify.stack.allocation.timing import (
 )
 
 
-class InTurn:
+class InTurn(WithoutOptions):
     """Every robot gets every n-th task."""
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """Nothing to choose."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
 
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""

@@ -8,11 +8,11 @@ predict when things happen, not what happens.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
 from mrta_falsify.core.allocation_problem import Allocation, AllocationProblem, OpenTask, Stop
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.stack.allocation.timing import (
     dropoff_of,
     kept_routes,
@@ -22,15 +22,8 @@ from mrta_falsify.stack.allocation.timing import (
 )
 
 
-class Nearest:
+class Nearest(WithoutOptions):
     """Tasks in order of deadline, each behind the route that ends nearest to it."""
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """Nothing to choose."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
 
     def allocate(self, problem: AllocationProblem) -> Allocation:
         """See :class:`~mrta_falsify.core.protocols.Allocator`."""
