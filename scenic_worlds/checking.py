@@ -141,7 +141,7 @@ class FastChecker(SampleChecker):  # type: ignore[misc] # Scenic has no types
         names = tuple(self._names.get(item, _class_name(item)) for item in objects)
         where, requirement = "", ""
         if kind == "containment":
-            message = f"{names[0]} is not inside {_region_name(container)}"
+            message = f"{names[0]} is not inside {region_name(container)}"
         elif kind == "collision":
             message = f"{names[0]} collides with {names[1]}"
         elif kind == "visibility":
@@ -345,7 +345,8 @@ def _class_name(item: Any) -> str:
     return type(item).__name__.lower()
 
 
-def _region_name(region: Any) -> str:
+def region_name(region: Any) -> str:
+    """Name the region of an object in a sentence."""
     name = getattr(region, "name", None)
     return f"its region {name!r}" if isinstance(name, str) and name else "its region"
 

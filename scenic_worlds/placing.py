@@ -33,7 +33,7 @@ from scenic.core.type_support import TypecheckedDistribution
 from scenic.core.vectors import Orientation, globalOrientation
 
 from mrta_falsify.core.arrays import Array
-from scenic_worlds.checking import FastChecker
+from scenic_worlds.checking import FastChecker, region_name
 from scenic_worlds.primitives.driver import Driver, Sample
 from scenic_worlds.primitives.plan import NodeRejected
 from simulator_interface.solids import Box, Boxes
@@ -63,9 +63,7 @@ class _Piece:
     @property
     def outside(self) -> str:
         """Say that it has no place in its region."""
-        name = getattr(self.container, "name", None)
-        region = f"its region {name!r}" if isinstance(name, str) and name else "its region"
-        return f"{self.name} is not inside {region}"
+        return f"{self.name} is not inside {region_name(self.container)}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,13 +21,14 @@ from mrta_falsify.cli.options import output_option, run_option, stack_options, t
     type=component("exporter"),
     metavar="NAME",
     required=True,
-    help="Format of the other system.",
+    help="Format to write: nav2, sdf, mrta-sim, open-rmf, mcap, gif, mp4, or another that "
+    "`plugins` lists.",
 )
 @stack_options
 @output_option(
     "PATH",
-    "Path to write: NAME.yaml or a directory for nav2, a directory for mrta-sim and open- "
-    "rmf, a file for the others.",
+    "Path to write: NAME.yaml or a directory for nav2, a directory for mrta-sim and open-rmf, "
+    "a file for the others.",
     required=True,
 )
 @run_option("Run the trial again if its world or trace was not kept, and keep it.")
@@ -47,7 +48,7 @@ def export_command(target: str, id: str | None, **options: Any) -> int:
 
     kinds = registry.names("exporter")
     if options["format"] not in kinds and ":" not in options["format"]:
-        raise click.UsageError(f"{options['format']!r} is not a format: {', '.join(kinds)}")
+        raise click.UsageError(f"{options['format']!r} is not one of {', '.join(kinds)}")
     from mrta_falsify.commands.export import export, exporter_named
 
     if id is None and exporter_named(options["format"]).of_run:

@@ -39,7 +39,7 @@ from mrta_falsify.core.record import TrialRecord
 from mrta_falsify.core.verdict import Verdict
 from mrta_falsify.core.world import World, read_world
 from mrta_falsify.lab import stack_of
-from mrta_falsify.lab.stored import other_stack_of
+from mrta_falsify.lab.stored import TRACE_NAME, WORLD_NAME, other_stack_of
 from mrta_falsify.specs.causes import by_cause
 from reports.contents import CaseContents
 
@@ -112,7 +112,7 @@ def view_of(campaign: Campaign, layers: Mapping[str, str] | None = None) -> Camp
 def any_world(campaign: Campaign, judged: Sequence[TrialRecord]) -> World | None:
     """Read the first world that was kept; None: there is none."""
     for record in judged:
-        path = campaign.folder(record) / "world.json"
+        path = campaign.folder(record) / WORLD_NAME
         if path.is_file():
             with contextlib.suppress(InputError):  # the case says what is wrong with it
                 return read_world(path)
@@ -218,7 +218,7 @@ def _held(failure: StoredFailure) -> int:
 def _passing(campaign: Campaign, near: TrialRecord) -> CaseContents | None:
     """Read the run of a passing trial, if it was kept."""
     folder = campaign.folder(near)
-    if not (folder / "trace.zip").is_file():
+    if not (folder / TRACE_NAME).is_file():
         return None
     return _run(near.id, folder, near.verdicts, stack_of(campaign.settings.trials, near))
 
