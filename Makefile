@@ -36,6 +36,7 @@ $(STAMP): pyproject.toml constraints.txt
 $(EXTRAS): $(STAMP)
 	@echo "installing what tests, checks and the site need (a minute, 0.7 GB)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,dask,docs,gym,mcap,mujoco,qd,ros,video]'
+	@rm -f $(KERNELS)  # an engine more has kernels, too
 	@touch $@
 
 # It compiles what has changed; after an edit of anything else it only looks, for two seconds.
@@ -45,13 +46,13 @@ $(KERNELS): $(STAMP) tools/compile_kernels.py $(shell find mrta_falsify simulato
 demo: $(KERNELS)
 	$(BIN)/mrta-falsify demo
 
-test: $(KERNELS) $(EXTRAS)
+test: $(EXTRAS) $(KERNELS)
 	$(PYTEST) -m "not long and not browser"
 
-unit: $(KERNELS) $(EXTRAS)
+unit: $(EXTRAS) $(KERNELS)
 	$(PYTEST) -m "not slow and not long and not browser"
 
-long: $(KERNELS) $(EXTRAS)
+long: $(EXTRAS) $(KERNELS)
 	$(PYTEST) -m "long or browser" $(if $(PART),--part $(PART))
 
 check: $(EXTRAS)

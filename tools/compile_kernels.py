@@ -14,6 +14,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import hashlib
+import importlib.util
+import itertools
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -34,7 +36,12 @@ from scenic_worlds.layouts import load_world
 from scenic_worlds.zoo import load_scene
 from simulator_interface.simulate import EpisodeRun
 
-ENGINES = tuple(dict.fromkeys(("kinematic", "mujoco", default_engine())))
+#: those whose libraries are installed
+ENGINES = tuple(
+    engine
+    for engine in dict.fromkeys(("kinematic", "mujoco", default_engine()))
+    if engine != "mujoco" or importlib.util.find_spec("mujoco")
+)
 ALLOCATORS = ("exact", "chain", "auction")
 TICKS = 20  # of each run
 
@@ -68,7 +75,7 @@ def compile_controller() -> None:
 def compile_runs() -> None:
     """Compile what allocators, planner, people, engines and specifications call."""
     standing = Choice(f"{__name__}:Still")
-    for engine, allocator in zip(ENGINES, ALLOCATORS, strict=False):
+    for engine, allocator in zip(itertools.cycle(ENGINES), ALLOCATORS, strict=False):
         config = StackConfig(
             engine=Choice(engine), allocator=Choice(allocator), controller=standing
         )
