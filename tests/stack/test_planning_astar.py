@@ -215,6 +215,13 @@ def planner_costs(cost: np.ndarray, path: np.ndarray) -> np.ndarray:
     return costmap_of(cost).cost_at(path)
 
 
+def test_a_map_that_is_written_into_gives_the_grid_of_what_it_says_now():
+    cost = np.zeros((6, 8), dtype=np.uint8)
+    assert grid_of(cost).prices[1:-1, 1:-1].all()
+    cost[2, 3] = INSCRIBED  # the same array, as a source may keep it
+    assert np.argwhere(grid_of(cost).prices[1:-1, 1:-1] == 0).tolist() == [[2, 3]]
+
+
 def test_a_coarser_grid_blocks_every_cell_that_holds_a_blocked_one():
     cost = random_cost("coarse", 61, 83)
     grid = grid_of(cost, resolution=0.1)

@@ -73,15 +73,16 @@ def build_grid(
         return PlanningGrid(_bordered(np.where(pooled == _BLOCKED, 0, pooled)), size, corner)
     table[table == _BLOCKED] = 0
     like = costmap.cost.shape, table.tobytes()
-    if like in _last_built:
-        before, prices = _last_built.pop(like)
+    last = _last_built.pop(like, None)
+    if last is not None:
+        before, prices = last
         prices = prices.copy()
         changed = np.flatnonzero(costmap.cost != before)
         row, col = np.divmod(changed, before.shape[1])
         prices[row + 1, col + 1] = table[costmap.cost.ravel()[changed]]
     else:
         prices = _bordered(table[costmap.cost])
-    _last_built[like] = costmap.cost, prices
+    _last_built[like] = costmap.cost.copy(), prices  # a source may write into its map again
     if len(_last_built) > KEPT_KINDS:
         _last_built.popitem(last=False)
     return PlanningGrid(prices, size, corner)
