@@ -387,9 +387,7 @@ def files_page() -> str:
     for title, kinds in parts.items():
         lines += [f"## {title}\n"]
         for kind in kinds:
-            summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
-            text = " ".join(summary.split()).replace("``", "`")
-            lines += [f"### {kind.__name__}\n", f"{text}\n", _fields_of(kind)]
+            lines += [f"### {kind.__name__}\n", f"{_summary(kind)}\n", _fields_of(kind)]
     return "\n".join(lines)
 
 
@@ -503,28 +501,23 @@ def _json_section(command: str) -> str:
     for top, _, _ in printed:
         held.pop(top)
     for kind in held:
-        summary = inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0]
-        text = " ".join(summary.split()).replace("``", "`")
-        lines += [f"**{kind.__name__}**: {text}\n", _json_table(kind, {})]
+        lines += [f"**{kind.__name__}**: {_summary(kind)}\n", _json_table(kind, {})]
     return "\n".join(lines)
 
 
 def _json_table(kind: type, more: Mapping[str, str]) -> str:
-    comments = {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
+    comments = _all_comments(kind)
     rows = [f"| `{name}` | {text} |" for name, text in more.items()]
     hints = _hints(kind)
     for field in dataclasses.fields(kind):
         left_out = "if any" if "later" in field.metadata else ""
         note = "; ".join(filter(None, (comments.get(field.name, ""), left_out)))
-        note = re.sub(r":\w+:(?=`)", "", note.replace("|", "\\|").replace("``", "`"))
+        note = _cell(note)
         note = re.sub(r"\b(None|False|True)\b", lambda found: JSON_WORDS[found[0]], note)
         rows.append(f"| `{field.name}` | {_json_type(hints[field.name])} | {note} |")
     for name in getattr(kind, "DERIVED", ()):
         told = _hints(getattr(kind, name).fget)["return"]
-        note = " ".join(
-            inspect.cleandoc(getattr(kind, name).__doc__ or "").split("\n\n")[0].split()
-        )
-        rows.append(f"| `{name}` | {_json_type(told)} | {note.replace('``', '`')} |")
+        rows.append(f"| `{name}` | {_json_type(told)} | {_summary(getattr(kind, name))} |")
     return "\n".join(["| Field | Is | |", "|---|---|---|", *rows, ""])
 
 
@@ -584,15 +577,14 @@ def components_page() -> str:
         lines += [f"## {point}\n"] if names else []
         for name in names:
             component = registry.load(point, name)
-            summary = inspect.cleandoc(component.__doc__ or "").split("\n\n")[0]
-            lines += [f"### {name}\n", " ".join(summary.split()).replace("``", "`") + "\n"]
+            lines += [f"### {name}\n", f"{_summary(component)}\n"]
             lines += [_fields_of(component.Options)]
     return "\n".join(lines)
 
 
 def _fields_of(kind: type) -> str:
     """Make a table of a dataclass's fields: default with unit, comment and range."""
-    comments = {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
+    comments = _all_comments(kind)
     shapes = {name: row.shape for name, row in observed_in(kind).items()}
     rows = []
     for field in dataclasses.fields(kind):
@@ -605,8 +597,7 @@ def _fields_of(kind: type) -> str:
             _limits(rule) if rule is not None else "",
         ]
         text = "; ".join(note for note in notes if note)
-        text = re.sub(r":\w+:(?=`)", "", text.replace("|", "\\|").replace("``", "`"))
-        rows.append(f"| `{field.name}` | {default} | {text} |")
+        rows.append(f"| `{field.name}` | {default} | {_cell(text)} |")
     if not rows:
         return "No options.\n"
     return "\n".join(["| Field | Default | |", "|---|---|---|", *rows, ""])
@@ -616,6 +607,22 @@ def _limits(rule: Any) -> str:
     bounds = {"from": rule.low, "above": rule.above, "to": rule.high}
     found = " ".join(f"{word} {value:g}" for word, value in bounds.items() if value is not None)
     return found
+
+
+def _summary(documented: Any) -> str:
+    """Give the first paragraph of a docstring as Markdown, in one line."""
+    first = inspect.cleandoc(documented.__doc__ or "").split("\n\n")[0]
+    return " ".join(first.split()).replace("``", "`")
+
+
+def _cell(comment: str) -> str:
+    """Write a comment as a cell of a table."""
+    return re.sub(r":\w+:(?=`)", "", comment.replace("|", "\\|").replace("``", "`"))
+
+
+def _all_comments(kind: type) -> dict[str, str]:
+    """Give the comments of a class and of those it derives from, by field."""
+    return {key: text for base in reversed(kind.__mro__) for key, text in _comments(base)}
 
 
 def _comments(kind: type) -> Iterator[tuple[str, str]]:
