@@ -24,7 +24,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 FORMATS = ("text", "json")
 MAX_WORKERS = 512
-STACK = "FILE|default|exec:CMD|connect:ADDRESS"  # how a stack is named
+STACK = "FILE|default|exec:CMD|connect:ADDRESS|ADAPTER:TEXT"  # how a stack is named
 
 #: say how much of a campaign is run, and on what; all other options belong to the campaign
 RUN_OPTIONS = frozenset(
@@ -241,8 +241,8 @@ def stack_options(command: Command) -> Command:
         metavar=STACK,
         help=(
             "Stack under test: a YAML file with a name or options per layer, `default` (the "
-            "shipped one), exec:CMD for a program of yours, or connect:ADDRESS for one that "
-            "runs already."
+            "shipped one), exec:CMD for a program of yours, connect:ADDRESS for one that runs "
+            "already, or ADAPTER:TEXT for another kind, for example ros_nodes:nodes.yaml."
         ),
     )(command)
 
