@@ -16,7 +16,7 @@ from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import WorldError
 from mrta_falsify.core.external import Coupling
 from mrta_falsify.core.fleet import Frame
-from mrta_falsify.core.interruption import pass_on, propagate_interrupts
+from mrta_falsify.core.interruption import HIDES_INTERRUPT, pass_on, propagate_interrupts
 from mrta_falsify.core.protocols import JudgingFailures, RepeatingRun, Specification
 from mrta_falsify.core.renamed import renamed_attribute, renamed_keywords
 from mrta_falsify.core.stack_failure import FailureKind, StackFailed, StackFailure
@@ -250,7 +250,7 @@ class EpisodeRun:
             return next(self._frames)
         except StackFailed as failed:
             return self._stack_failed(failed.failure)
-        except SystemError as error:
+        except HIDES_INTERRUPT as error:
             pass_on(error)
             raise
 
@@ -265,7 +265,7 @@ class EpisodeRun:
                 specification.update(frame)
             if self._speculation is not None:
                 self._speculation.look_out(frame.sensed.time)
-        except SystemError as error:
+        except HIDES_INTERRUPT as error:
             pass_on(error)
             raise
         self.frame = frame

@@ -10,6 +10,10 @@ from collections.abc import Callable, Iterator
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)  # that stop a command
 
+#: What others make of Ctrl-C, which is then the cause of the error: a compiled function that it
+#: meets while the type of an argument is asked for, and Python 3.11 while a class is made.
+HIDES_INTERRUPT = (SystemError, RuntimeError)
+
 
 class Interrupted(KeyboardInterrupt):
     """The user has stopped a command, which therefore has no result.
@@ -28,19 +32,15 @@ class Interrupted(KeyboardInterrupt):
 
 
 def is_interruption(error: BaseException) -> bool:
-    """Say whether an exception is Ctrl-C, or what compiled code has made of it.
-
-    Ctrl-C that comes while a compiled function asks Python for the type of an argument becomes a
-    SystemError, "returned a result with an exception set", with Ctrl-C as its cause.
-    """
+    """Say whether an exception is Ctrl-C, or an error of ``HIDES_INTERRUPT`` that it has caused."""
     found: BaseException | None = error
     while found is not None and not isinstance(found, KeyboardInterrupt):
-        found = found.__cause__ if isinstance(found, SystemError) else None
+        found = found.__cause__ if isinstance(found, HIDES_INTERRUPT) else None
     return found is not None
 
 
-def pass_on(error: SystemError) -> None:
-    """Do nothing, unless compiled code has made ``error`` of Ctrl-C.
+def pass_on(error: Exception) -> None:
+    """Do nothing, unless ``error`` hides Ctrl-C.
 
     Raises:
         KeyboardInterrupt: it has.
@@ -51,10 +51,10 @@ def pass_on(error: SystemError) -> None:
 
 @contextlib.contextmanager
 def propagate_interrupts() -> Iterator[None]:
-    """Let Ctrl-C pass as a KeyboardInterrupt, whatever compiled code inside makes of it."""
+    """Let Ctrl-C pass as a KeyboardInterrupt, whatever code inside makes of it."""
     try:
         yield
-    except SystemError as error:
+    except HIDES_INTERRUPT as error:
         pass_on(error)
         raise
 

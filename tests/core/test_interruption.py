@@ -32,6 +32,15 @@ def test_what_compiled_code_makes_of_ctrl_c_is_an_interruption():
     assert not is_interruption(SystemError())
 
 
+def test_ctrl_c_while_a_class_is_made_is_an_interruption():
+    class Interrupting:
+        def __set_name__(self, owner, name):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), propagate_interrupts():
+        type("Made", (), {"part": Interrupting()})
+
+
 def test_it_passes_as_what_it_is_and_other_errors_stay():
     with pytest.raises(KeyboardInterrupt), propagate_interrupts():
         raise _as_compiled_code_has_it(KeyboardInterrupt())
