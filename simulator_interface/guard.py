@@ -29,6 +29,7 @@ from simulator_interface.failing_layer import (
     shared_places,
     texts_of,
 )
+from simulator_interface.warm_up import warm_up
 
 T = TypeVar("T")
 
@@ -72,6 +73,8 @@ class Guard:
         """
         if not portable or limits != self._limits:
             self.close()
+        if config.stack is None:
+            warm_up()
         self._limits = limits
         seen: list[Ending] = []
         ending: StackFailure | None = None

@@ -39,6 +39,7 @@ from mrta_falsify.trial import Job, Judged, TrialWatch, judge, judges_of, summed
 from scenic_worlds.variation import perturb_world
 from simulator_interface import starts
 from simulator_interface.simulate import EpisodeRun
+from simulator_interface.warm_up import warm_up
 
 OnEnd: TypeAlias = Callable[[World, Judged], None]  #: called with a run's world and result
 DrawScene: TypeAlias = Callable[[SceneSource], Any]  #: gives the Scenic scene of a scripted world
@@ -134,6 +135,8 @@ def run_group(
         return [RunResult(status="impossible", detail=str(error)) for _ in group]
     if not forks(first) and not _is_edited(first):
         return [_whole(one, world, on_end, draw) for one in group]
+    if first.stack.stack is None:
+        warm_up()
     try:
         rows = run_supervised(
             functools.partial(_forked_rows, group, world, on_end),
