@@ -120,7 +120,7 @@ def test_a_scenario_that_was_edited_is_not_gone_on_with(campaign):
     directory, call, *_ = campaign
     program = directory.parent / "small.scenic"
     text = program.read_text()
-    program.write_text(text.replace("horizon = 60", "horizon = 61"))
+    program.write_text(text.replace("horizon = 35", "horizon = 36"))
     try:
         result = call("campaign", "--resume", directory, "--budget", 7)
     finally:

@@ -77,7 +77,7 @@ def search(tmp_path, monkeypatch):
     def found(source: str, **more):
         command = [sys.executable, str(Path(__file__).with_name("noisy_stack.py")), source, "10"]
         stack = {"command": command, "env": {"PYTHONPATH": str(ROOT)}}
-        Path("short.scenic").write_text(PROGRAM.replace("horizon = 60", "horizon = 2"))
+        Path("short.scenic").write_text(PROGRAM.replace("horizon = 35", "horizon = 2"))
         Path("stack.yaml").write_text(yaml.safe_dump({"engine": "kinematic", "stack": stack}))
         mf.campaign(
             "short.scenic",
