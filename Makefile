@@ -6,8 +6,9 @@ STAMP := .venv/.installed
 EXTRAS := .venv/.extras
 KERNELS := .venv/.kernels
 WORKERS ?= 2
-# A worker that is done takes over tests of one that is not.
-PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations=20
+# A worker that is done takes over tests of one that is not. Byte code is kept, whatever the shell
+# says: the tests start hundreds of interpreters.
+PYTEST := PYTHONDONTWRITEBYTECODE= PYTHONPYCACHEPREFIX=$(CURDIR)/.venv/pycache $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --durations=20
 
 .PHONY: help demo test unit long check format bench docs clean
 
