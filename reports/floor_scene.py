@@ -1,8 +1,10 @@
-"""A floor as plain shapes with roles. One painter per target draws them.
+"""A floor as plain shapes with roles, and what moves on it at one moment.
 
-The painters: :mod:`reports.floor_plot` (matplotlib), :mod:`reports.floor_drawings` (SVG),
-:mod:`reports.animation` (pixels) and ``templates/replay.js`` (canvas). All take their colours
-from :mod:`reports.colours`.
+What stands still is painted by :mod:`reports.floor_plot` (matplotlib),
+:mod:`reports.floor_drawings` (SVG), :mod:`reports.animation` (pixels) and ``templates/replay.js``
+(canvas). What moves is painted as shapes by the second and the third; the picture of a run draws
+tracks (:mod:`reports.run_picture`), and the replay takes columns of the trace
+(:mod:`reports.packing`). All colours are those of :mod:`reports.colours`.
 """
 
 from __future__ import annotations
@@ -213,14 +215,10 @@ def moving_scene(world: World, trace: Trace, tick: int, *, trail: float) -> tupl
 
 def path_scene(trace: Trace, tick: int) -> tuple[Shape, ...]:
     """Describe the paths that robots follow at a tick."""
-    latest: dict[int, Array] = {}
-    for change in trace.paths:
-        if change.tick > tick:
-            break
-        latest[change.robot] = change.points
+    paths = [trace.path_at(robot, tick) for robot in range(len(trace.robots))]
     return tuple(
         Shape(role=Role.PATH, points=points, number=robot)
-        for robot, points in sorted(latest.items())
+        for robot, points in enumerate(paths)
         if len(points)
     )
 

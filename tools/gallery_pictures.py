@@ -203,7 +203,7 @@ def _draw_map(
             axes.add_patch(Circle((x, y), robot.radius, facecolor=colour, zorder=11))
             nose = robot.radius * np.array([np.cos(yaw), np.sin(yaw)])
             axes.plot((x, x + nose[0]), (y, y + nose[1]), color="white", linewidth=1.5, zorder=12)
-            path = _path_at(trace, number, tick)
+            path = trace.path_at(number, tick)
             axes.plot(*path.T, color=colour, linewidth=1.3, linestyle=(0, (2, 1.5)), zorder=8)
         else:
             body = robot_outline(poses[-1], robot.radius)
@@ -216,14 +216,6 @@ def _draw_map(
     axes.set_yticks([])
     for text in axes.texts:
         text.set_clip_on(True)
-
-
-def _path_at(trace: Trace, robot: int, tick: int) -> Array:
-    """Path ``(L, 2)`` [m] that a robot follows at ``tick``."""
-    followed = [change.points for change in trace.paths if change.robot == robot]
-    since = [change.tick for change in trace.paths if change.robot == robot]
-    number = int(np.searchsorted(since, tick, side="right"))
-    return np.asarray(followed[number - 1]).reshape(-1, 2) if number else np.empty((0, 2))
 
 
 def _ring(axes: Axes, seen: Seen) -> None:

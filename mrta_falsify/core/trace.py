@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 import json
 import operator
@@ -85,6 +86,12 @@ class Trace:
         """Simulated time [s]."""
         times = self.columns["time"]
         return float(times[-1]) if len(times) else 0.0
+
+    def path_at(self, robot: int, tick: int) -> Array:
+        """Find the path ``(L, 2)`` [m] that a robot follows at ``tick``; empty if none."""
+        own = [change for change in self.paths if change.robot == robot]
+        number = bisect.bisect_right(own, tick, key=lambda change: change.tick)
+        return own[number - 1].points if number else np.empty((0, 2))
 
     def edges_at(self, tick: int) -> tuple[BlockedBy, ...]:
         """Find the blocked-by edges that held at ``tick``."""

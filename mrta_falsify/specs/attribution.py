@@ -207,10 +207,7 @@ def _path_ahead(trace: Trace, robot: str, tick: int) -> Array:
     if robot not in trace.robots or not is_kept(trace):
         return np.empty((0, 2))
     number = trace.robots.index(robot)
-    known = [change.points for change in trace.paths if change.robot == number]
-    since = [change.tick for change in trace.paths if change.robot == number]
-    place = int(np.searchsorted(since, tick, side="right")) - 1
-    path = np.asarray(known[place]).reshape(-1, 2) if place >= 0 else np.empty((0, 2))
+    path = trace.path_at(number, tick)
     if len(path) < 2:
         return np.empty((0, 2))
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])

@@ -106,11 +106,7 @@ def goal_is(trace: Trace, robot: int, place: Array) -> Array:
 
 def path_at(trace: Trace, robot: int, tick: int) -> Array:
     """The path ``(L, 2)`` [m] that a robot follows at ``tick``; empty if none."""
-    path = np.zeros((0, 2))
-    for change in trace.paths:
-        if change.robot == robot and change.tick <= tick:
-            path = change.points
-    return path
+    return trace.path_at(robot, tick)
 
 
 def separation(trace: Trace, one: int, other: int) -> Array:
