@@ -72,13 +72,15 @@ Fate: TypeAlias = Literal["gone", "stays", "otherwise", "unknown", "untried"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChangedRun:
-    """What became of a failure in a run of the whole world with one thing changed."""
+    """What became of a failure in runs of the whole world with one thing changed."""
 
     group: str  #: kind of the things left out, such as ``robots`` or ``humans``; or ``schedule``
     things: tuple[str, ...] = ()  #: names of what was left out
     change: str  #: in words, behind ``without`` or ``with``
     fate: Fate  #: ``otherwise``: it failed in another way; ``unknown``: not judged
-    detail: str = ""  #: how the run ended
+    detail: str = ""  #: how the run ended; told where the fate is ``otherwise`` or ``unknown``
+    #: runs in which it fails, of the world and its perturbed copies; null: of one run, or no answer
+    vote: Vote | None = later(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

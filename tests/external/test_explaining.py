@@ -225,6 +225,19 @@ def test_sentences_name_what_it_needs_and_what_it_does_not():
     )
 
 
+def test_a_sentence_says_in_how_many_runs_the_failure_stays():
+    people = ChangedRun(
+        group="humans",
+        things=("a", "b"),
+        change="all 2 people",
+        fate="gone",
+        detail="fails in 1 of 6 runs",
+        vote=Vote(failed=1, runs=6),
+    )
+    (said,) = needs_sentences(explained(people))
+    assert said == "The failure is gone without all 2 people (fails in 1 of 6 runs)."
+
+
 def test_an_explanation_of_an_earlier_version_is_read_and_written_as_it_was(tmp_path):
     old = explained()
     write_finding(tmp_path, old)

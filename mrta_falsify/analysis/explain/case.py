@@ -35,12 +35,16 @@ class Case:
 class Question(Protocol):
     """One thing that is asked about a failure by changed runs.
 
-    A new one is a class with these members, and a place in ``QUESTIONS`` in ``explaining``.
+    A new one is a class with these members, and a place in ``QUESTIONS`` in ``explaining``. What
+    it finds is told by ``sentences``; terminal, Markdown and page print those, JSON has all fields.
     """
 
     @property
     def least(self) -> int:
-        """Runs set aside for it, whatever comes before it; it gets more if that leaves some."""
+        """Runs set aside for it, whatever comes before it; it gets more if that leaves some.
+
+        Its place in ``QUESTIONS`` never leaves it without runs.
+        """
 
     def applies(self, case: Case) -> bool:
         """Whether it says anything about a failure."""

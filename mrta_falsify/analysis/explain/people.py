@@ -59,6 +59,7 @@ def _changed(case: Case, at: float, results: list[RunResult]) -> ChangedRun:
         change=f"{what} from {at:.1f} s on" if at else what,
         fate=fate,
         detail=_detail(fate, vote, results),
+        vote=vote if vote.runs else None,
     )
 
 

@@ -79,7 +79,8 @@ def _has_cure_within(run: ChangedRun, runs: Sequence[ChangedRun]) -> bool:
 
 
 def _without(runs: Sequence[ChangedRun]) -> str:
-    return listed([f"without {run.change}" for run in runs])
+    counts = (f" ({run.detail})" if run.vote is not None else "" for run in runs)
+    return listed([f"without {run.change}{n}" for run, n in zip(runs, counts, strict=True)])
 
 
 def _list(runs: Sequence[ChangedRun]) -> str:
