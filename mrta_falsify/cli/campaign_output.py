@@ -28,7 +28,7 @@ SHOWN_IDS = 6  # trials named per failure mode
 class CampaignWatch:
     """Progress of one campaign on stderr: a bar on terminals, a line now and then elsewhere.
 
-    A context manager; the bar appears with the first trial.
+    A context manager; the bar appears at its start.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -41,6 +41,8 @@ class CampaignWatch:
         self._tenths = 0  # of the time that the campaign may take, when a line was last told
 
     def __enter__(self) -> CampaignWatch:
+        if sys.stderr.isatty():
+            self._show_bar("0", "the first trial runs")
         return self
 
     def __exit__(self, *reason: object) -> None:
@@ -70,7 +72,8 @@ class CampaignWatch:
             self._ran_before = counts.ran - record.was_run
         if sys.stderr.isatty():
             done, total = (spent, limits.wall_clock) if by_clock else (counts.ran, budget)
-            self._show_bar(counts, f"{counts.ran}" if by_clock else f"{counts.ran}/{budget}")
+            ran = f"{counts.ran}" if by_clock else f"{counts.ran}/{budget}"
+            self._show_bar(ran, _count_text(counts))
             self._bar.update(self._task, completed=done, total=total)
         elif by_clock and record.was_run:
             tenths = int(LINES * spent / limits.wall_clock)
@@ -83,12 +86,12 @@ class CampaignWatch:
             left = output.time_left(done, total, spent)
             self.say(f"{counts.ran}/{budget} trials, {_count_text(counts)}{left}")
 
-    def _show_bar(self, counts: Progress, ran: str) -> None:
+    def _show_bar(self, ran: str, counts: str) -> None:
         if self._bar is None:
             self._bar = _new_bar()
             self._task = self._bar.add_task("campaign", total=None, ran="", counts="")
             self._bar.start()
-        self._bar.update(self._task, ran=ran, counts=_count_text(counts))
+        self._bar.update(self._task, ran=ran, counts=counts)
 
     def say(self, text: str) -> None:
         """Print a line beside the progress."""

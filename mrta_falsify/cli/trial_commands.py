@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.core.verdict import Verdict
 
+ABOVE_ZERO = "a trial that fails by secondary specifications only scores 0 or more"
+
 
 @main.command("list")
 @click.argument("directory", type=FILE)
@@ -120,6 +122,12 @@ def _print_trials(rows: tuple[TrialRow, ...]) -> None:
             cells.append(row.other + copies * bool(row.other_jittered))
         table.add_row(*cells, style="red" if row.failed else None)
     output.print_table(table)
+    if any(_fails_above_zero(row) for row in rows):
+        output.stdout().print(f"score: {ABOVE_ZERO}")
+
+
+def _fails_above_zero(trial: TrialRow | TrialRecord) -> bool:
+    return trial.failed and trial.status == "ok" and trial.score >= 0.0
 
 
 @main.command("show")
@@ -153,7 +161,8 @@ def show_command(directory: Path, id: str, style: str) -> int:
     out = output.stdout()
     status = _what_became(record.status, failed=record.failed)
     out.print(f"trial      {record.id}, {status}, engine {record.engine or 'none'}")
-    out.print(f"score      {record.score:+.4f}")
+    why = f" ({ABOVE_ZERO})" if _fails_above_zero(record) else ""
+    out.print(f"score      {record.score:+.4f}{why}")
     if record.signature:
         out.print(f"failure    {record.signature}")
     if kind:

@@ -25,15 +25,19 @@ Role = Literal["cause", "standstill", "outcome"]
 class SpecProfile:
     """A specification as reports, searches and explanations see it."""
 
-    meaning: str  #: of a violation, as a clause: "two robots touched"
+    #: of a violation, as a clause that a time and robots follow: "two robots touched" is told as
+    #: "Two robots touched at 4.2 s: robot1, robot2."
+    meaning: str
     scale: float = 1.0  #: robustness that counts as comfortably safe, in its unit
     role: Role = "cause"
-    #: order among violations that begin at the same instant, smaller ones first; one of the user's
-    #: own leads
+    #: order among violations that begin at the same instant, smaller ones first, each shipped one
+    #: with a number of its own; one of the user's own leads
     tie: int = -1
     #: whose violation by the same objects is the same event, and is told in place of this one
     part_of: str = ""
-    layer: str = ""  #: whose task it is to prevent a violation, where that is always the same
+    #: whose task it is to prevent a violation; empty: that is guessed from the trace
+    #: (``specs/attribution.py``)
+    layer: str = ""
     #: options while it judges perturbed runs: these are the vote on a failure, so that none votes
     #: on them, and only whether one fails counts
     in_votes: Mapping[str, Any] = field(default_factory=dict)
