@@ -16,6 +16,7 @@ def test_public_objects_are_written_in_one_line(hall, hall_trace):
     campaign = mf.open_campaign(RECORDED)
     failing = next(record for record in campaign.records if record.failed)
     found = [campaign, failing, failing.verdicts[0], hall, hall_trace, StackConfig()]
+    found += [campaign.stats()]
     for thing in found:
         text = repr(thing)
         assert text.startswith(f"<{type(thing).__name__}")

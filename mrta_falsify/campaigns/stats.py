@@ -170,6 +170,13 @@ class CampaignStats:
     _other: Counter[str] = field(default_factory=Counter)  #: fields of StackComparison
     _other_wall_s: float = 0.0
 
+    def __repr__(self) -> str:
+        """Write it in one line."""
+        return (
+            f"<CampaignStats: {self.ran} trials run, {self.failed} failed in {len(self.modes)} ways, "
+            f"{self.rejected} rejected, {self.impossible} impossible>"
+        )
+
     def take(self, record: TrialRecord) -> None:
         """Count a record."""
         self.records += 1
