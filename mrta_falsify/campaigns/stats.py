@@ -173,8 +173,8 @@ class CampaignStats:
     def __repr__(self) -> str:
         """Write it in one line."""
         return (
-            f"<CampaignStats: {self.ran} trials run, {self.failed} failed in {len(self.modes)} ways, "
-            f"{self.rejected} rejected, {self.impossible} impossible>"
+            f"<CampaignStats: {self.ran} trials run, {self.failed} failed, "
+            f"{self.rejected} rejected, {self.impossible} impossible; {len(self.modes)} failure modes>"
         )
 
     def take(self, record: TrialRecord) -> None:
