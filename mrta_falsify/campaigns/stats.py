@@ -172,10 +172,9 @@ class CampaignStats:
 
     def __repr__(self) -> str:
         """Write it in one line."""
-        return (
-            f"<CampaignStats: {self.ran} trials run, {self.failed} failed, "
-            f"{self.rejected} rejected, {self.impossible} impossible; {len(self.modes)} failure modes>"
-        )
+        rest = f"{self.rejected} rejected, {self.impossible} impossible"
+        found = f"{self.failed} failed in {len(self.modes)} modes"
+        return f"<CampaignStats: {self.ran} trials run, {found}; {rest}>"
 
     def take(self, record: TrialRecord) -> None:
         """Count a record."""
