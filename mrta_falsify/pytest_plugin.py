@@ -142,7 +142,7 @@ class StoredFailure(pytest.Item):
 
     def setup(self) -> None:
         """Run the world and its copies; what goes wrong here is no verdict about the stack."""
-        from mrta_falsify.commands.stored_failures import recheck_corpus  # noqa: PLC0415
+        from mrta_falsify.commands.corpus import recheck_corpus  # noqa: PLC0415
 
         assert self.parent is not None
         option = self.config.getoption

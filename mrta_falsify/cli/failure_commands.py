@@ -83,7 +83,7 @@ def explain_command(
 
     The answer is kept beside the trial and shown by `report`.
     """
-    from mrta_falsify.commands.stored_failures import explain_trial
+    from mrta_falsify.commands.explain import explain_trial
     from mrta_falsify.commands.stored_trials import what_happened
     from mrta_falsify.commands.trust import open_to_run, permit_runs
 
@@ -200,7 +200,7 @@ def minimize_command(
     from mrta_falsify.analysis.minimize.minimising import expected_runs
     from mrta_falsify.analysis.minimize.reruns import PERTURBED
     from mrta_falsify.analysis.minimize.sentences import minimal_text
-    from mrta_falsify.commands.stored_failures import minimize_trial
+    from mrta_falsify.commands.minimize import minimize_trial
     from mrta_falsify.commands.stored_trials import compared_sentences
     from mrta_falsify.commands.trust import open_to_run, permit_runs
     from mrta_falsify.core.findings import finding_data
@@ -302,8 +302,7 @@ def corpus_command(directory: str, style: str, **options: Any) -> int:
 
 
 def _corpus(directory: Path, style: str, options: dict[str, Any]) -> int:
-    from mrta_falsify.commands.corpus import counts_by_fate
-    from mrta_falsify.commands.stored_failures import keeps_engine, recheck_corpus
+    from mrta_falsify.commands.corpus import counts_by_fate, keeps_engine, recheck_corpus
     from mrta_falsify.commands.trust import open_to_run
     from mrta_falsify.core import codec
 

@@ -65,7 +65,7 @@ def report_command(directory: Path, watch: float | None, opens: bool, **options:
 
     Shows what is stored, also what `replay --verify`, `explain` and `minimize` have found.
     """
-    from mrta_falsify.commands.stored_failures import watch_reports, write_reports
+    from mrta_falsify.commands.report.writing import watch_reports, write_reports
 
     written = watch_reports(directory, seconds=watch, **options) if watch else None
     files = next(written) if written else write_reports(directory, **options)

@@ -10,7 +10,11 @@ from typing import get_args
 
 from mrta_falsify.campaigns.rules import signed
 from mrta_falsify.campaigns.signature import signature, signature_before
-from mrta_falsify.campaigns.store import Campaign
+from mrta_falsify.campaigns.store import Campaign, StoreError
+from mrta_falsify.commands.folders import Place, make_directory
+from mrta_falsify.commands.stacks import Stack, load_stack
+from mrta_falsify.commands.trust import Trust, open_to_run, permit_rechecks
+from mrta_falsify.commands.workers import count_cores
 from mrta_falsify.core import codec
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.findings import Recheck, RecheckFate
@@ -22,6 +26,87 @@ from mrta_falsify.specs.causes import kind_of, leading
 from reports.sentences import violation_sentence
 
 JOURNAL_NAME = "corpus.journal.jsonl"  # in the campaign, until all rows are finished
+
+
+# --- the command -----------------------------------------------------------------------------
+
+
+def recheck_corpus(
+    directory: Place,
+    *,
+    stack: Stack | None = None,
+    settings: Sequence[str] = (),
+    jittered: int = 2,
+    workers: int | None = None,
+    time_limit: float | None = None,
+    only: Sequence[str] = (),
+    pictures: Place | None = None,
+    run: bool = False,
+    trust: Trust = False,
+    on_done: Callable[[Recheck], None] = lambda row: None,
+) -> tuple[Recheck, ...]:
+    """Run all stored failures of a campaign on a changed stack.
+
+    Each is fixed, still failing, flaky (only copies with small differences fail) or a timeout.
+    The recorded engine is kept unless the stack file or a setting names one.
+
+    Args:
+        directory: of the campaign.
+        stack: the changed stack, or its YAML file; the campaign's own if None.
+        settings: ``--set`` texts applied to the stack.
+        jittered: copies with small differences that are run of each failure.
+        workers: processes; one per core if None.
+        time_limit: what one run may work and sleep [s]; the campaign's own limit if None.
+        only: ids of the failures to run; all if empty.
+        pictures: directory for a picture of each run that fails; none are drawn if None.
+        run: sample worlds anew that were not kept.
+        trust: run what is not ours, though somebody else has made the campaign.
+        on_done: called with each row.
+
+    Raises:
+        InputError: not a campaign, an unknown layer, or a trial that did not fail.
+    """
+    campaign = open_to_run(directory, trust)
+    config = load_stack(stack, settings) if stack is not None or settings else None
+    named = StackConfig() if config is not None else None
+    if config is not None and named is not None and keeps_engine(stack, settings):
+        config = on_recorded_engine(campaign, config)
+        named = on_recorded_engine(campaign, named)
+    chosen = failures_named(campaign, only)
+    permit_rechecks(campaign, named, trust, only=chosen, run=run)
+    return recheck(
+        campaign,
+        config=config,
+        jittered=jittered,
+        workers=count_cores(workers),
+        time_limit=time_limit,
+        only=chosen,
+        pictures=make_directory(Path(pictures)) if pictures is not None else None,
+        on_done=on_done,
+    )
+
+
+def failures_named(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
+    """Find the ids of failures by what a user calls them, as ``0042`` or ``42``.
+
+    Raises:
+        InputError: no such trial, or it did not fail.
+    """
+    found = [campaign.record(name) for name in names]
+    for record in found:
+        if not record.failed:
+            raise StoreError(f"trial {record.id} of {campaign.directory} violates nothing")
+    return tuple(record.id for record in found)
+
+
+def keeps_engine(stack: Stack | None, settings: Sequence[str] = ()) -> bool:
+    """Say whether a changed stack leaves the engine to the campaign that it is run on.
+
+    A stack given as a value names an engine; a file or ``--set`` text may.
+    """
+    path = Path(stack) if isinstance(stack, str | Path) else None
+    is_value = stack is not None and path is None
+    return not is_value and not names_engine(path, settings)
 
 
 # --- the changed stack ---------------------------------------------------------------------

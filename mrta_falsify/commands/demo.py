@@ -19,9 +19,9 @@ from mrta_falsify.commands.campaign import (
 )
 from mrta_falsify.commands.campaign_settings import new_settings
 from mrta_falsify.commands.folders import Place
+from mrta_falsify.commands.report.writing import write_reports
 from mrta_falsify.commands.run import RunFiles, run, write_run
 from mrta_falsify.commands.stacks import Stack, load_stack
-from mrta_falsify.commands.stored_failures import write_reports
 from mrta_falsify.commands.workers import local_workers
 from mrta_falsify.commands.worlds import find_world
 from mrta_falsify.core.config import StackConfig

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from mrta_falsify.campaigns.settings import TrialSettings
-from mrta_falsify.commands.corpus import not_judged
+from mrta_falsify.commands.corpus import keeps_engine, not_judged
 from mrta_falsify.commands.stacks import Stack, load_stack
-from mrta_falsify.commands.stored_failures import keeps_engine
 from mrta_falsify.commands.workers import count_cores
 from mrta_falsify.core.config import StackConfig
 from mrta_falsify.core.errors import InputError

@@ -18,8 +18,8 @@ from mrta_falsify.cli import campaign_commands, campaign_output, main
 from mrta_falsify.commands.campaign import CampaignResult
 from mrta_falsify.commands.campaign_summary import summarise_campaign
 from mrta_falsify.commands.report.build import build_report
+from mrta_falsify.commands.report.writing import watch_reports
 from mrta_falsify.commands.search_outcomes import search_outcome
-from mrta_falsify.commands.stored_failures import watch_reports
 from mrta_falsify.core import codec
 from tests.commands import all_kinds
 

@@ -306,8 +306,8 @@ def test_a_home_that_cannot_be_written_asks_each_time(
 def test_shipped_parts_ask_nothing(folder: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not (state_folder() / TRUSTED).exists()
     reached: list[str] = []
-    for name in ("explain", "minimize", "recheck"):
-        target = f"mrta_falsify.commands.stored_failures.{name}"
+    for module, name in (("explain",) * 2, ("minimize",) * 2, ("corpus", "recheck")):
+        target = f"mrta_falsify.commands.{module}.{name}"
         monkeypatch.setattr(target, lambda *args, name=name, **options: reached.append(name))
     mf.explain(folder.directory, 0)
     mf.minimize(folder.directory, 0)
@@ -320,7 +320,7 @@ def test_a_changed_stack_on_the_command_line_is_trusted(
 ) -> None:
     reached: list[object] = []
     monkeypatch.setattr(
-        "mrta_falsify.commands.stored_failures.recheck",
+        "mrta_falsify.commands.corpus.recheck",
         lambda campaign, config, **options: reached.append(config),
     )
     OF_RUNS["command_of_a_stack"](folder)

@@ -20,7 +20,7 @@ from mrta_falsify.commands.report.parameters import (
     trial_table,
 )
 from mrta_falsify.commands.report.reading import view_of
-from mrta_falsify.commands.stored_failures import keep_neighbours
+from mrta_falsify.commands.report.writing import keep_neighbours
 from mrta_falsify.core.candidate import Dimension, SearchSpace
 from mrta_falsify.core.config import Choice
 from mrta_falsify.core.errors import InputError

@@ -16,7 +16,7 @@ from mrta_falsify.campaigns.finding_files import FILE_NAMES
 from mrta_falsify.cli import main
 from mrta_falsify.commands import replay
 from mrta_falsify.commands.report import build
-from mrta_falsify.commands.stored_failures import write_reports
+from mrta_falsify.commands.report.writing import write_reports
 from mrta_falsify.core.errors import PlaceError
 from mrta_falsify.core.findings import Minimisation
 from mrta_falsify.core.world import write_world
