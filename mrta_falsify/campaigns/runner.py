@@ -287,6 +287,7 @@ class _Loop:
             if proposal.uniform:
                 self._uniform.add(proposal.number)
             self._asked += 1
+            self._submit()  # the next one may take a second to choose
 
     def _submit(self) -> None:
         progress = self.progress
