@@ -387,7 +387,7 @@ _OTHERWISE = "the same run again may go otherwise"
 COUPLED: dict[Coupling, str] = {
     "stepped": "stepped: it answered when all of a tick's work was done",
     "awaited": f"awaited: it waited for its parts, up to a limit; {_OTHERWISE}",
-    "paced": f"paced: its parts ran by the clock on the wall; {_OTHERWISE}",
+    "paced": f"paced: its parts ran by the wall clock; {_OTHERWISE}",
 }
 
 

@@ -230,8 +230,8 @@ def permit(directory: Path, foreign: Iterable[Foreign], trust: Trust) -> None:
     if digest is None or digest not in trusted_digests():
         if not trust:
             raise NeedsOption(
-                f"{directory} was not made by you on this machine, and this would run or read what "
-                f"it names: {what}",
+                f"{directory} was not made by you on this machine, and this command would run or "
+                f"read what the folder names: {what}",
                 "--trust",
             )
         is_kept = digest is not None and remember(digest)
