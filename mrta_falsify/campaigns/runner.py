@@ -265,7 +265,7 @@ class _Loop:
             if record.origin.uniform and progress.is_saturated:
                 return "saturated"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
-                none = "scene" if record.status == "rejected" else "world that can be done"
+                none = "valid scene" if record.status == "rejected" else "feasible world"
                 raise InputError(
                     f"{self._store.settings.trials.scenario}: the last "
                     f"{progress.rejected_in_a_row} proposals gave no {none}; "

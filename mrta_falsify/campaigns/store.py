@@ -501,7 +501,7 @@ class Store:
         make_folder(directory)
         if (directory / SETTINGS).exists():
             raise StoreError(
-                f"{directory}: holds a campaign already; go on with it by "
+                f"{directory}: holds a campaign already; continue it by "
                 f"`mrta-falsify campaign --resume {directory}`, or name another directory"
             )
         with naming(directory):

@@ -82,7 +82,7 @@ def compare(
     if resume:
         check_is_comparison(directory)
     elif any(path.suffix != ".part" for path in make_directory(directory).iterdir()):
-        raise StoreError(f"{directory}: is not empty; go on with it by --resume")
+        raise StoreError(f"{directory}: is not empty; continue it with --resume")
     plan = ComparisonPlan(
         settings=new_settings(
             scenario,
