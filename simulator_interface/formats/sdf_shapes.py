@@ -67,7 +67,7 @@ def _footprint(geometry: Node, at: SdfPlace, low: float, high: float) -> BaseGeo
             return reader(child, at, low, high)
         if child.tag not in _NO_OBSTACLE:
             raise at.fail(
-                f"<{child.tag}> is not a shape that is read; allowed: {', '.join(sorted(_READERS))}"
+                f"<{child.tag}> is not a supported shape; allowed: {', '.join(sorted(_READERS))}"
             )
     return Polygon()
 
