@@ -315,8 +315,9 @@ def _ring(visits: Sequence[_Visit]) -> float:
         """Extend a ring in every way that may beat the best.
 
         Args:
-            ring: numbers of the visits so far.
-            since, until: span in which all of them are in their rooms [s]; it may be empty.
+            ring: numbers of its visits so far.
+            since: when all of them are in their rooms [s], begin.
+            until: end of that time [s]; before ``since``: they miss each other.
         """
         nonlocal best, looks
         for number in of_room.get(following[ring[-1]].stop.room, ()):
