@@ -316,7 +316,7 @@ def _ring(visits: Sequence[_Visit]) -> float:
 
         Args:
             ring: numbers of its visits so far.
-            since: when all of them are in their rooms [s], begin.
+            since: begin of the time at which all of them are in their rooms [s].
             until: end of that time [s]; before ``since``: they miss each other.
         """
         nonlocal best, looks

@@ -392,7 +392,7 @@ COUPLED: dict[Coupling, str] = {
 
 
 def coupling_facts(coupling: Coupling | None) -> tuple[tuple[str, str], ...]:
-    """Say how tightly a stack in a process of its own was coupled; nothing of the shipped one."""
+    """Say how tightly a foreign stack was coupled; nothing of the shipped one."""
     return (("coupling", COUPLED[coupling]),) if coupling is not None else ()
 
 

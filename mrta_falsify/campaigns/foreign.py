@@ -142,7 +142,7 @@ def _files_of(words: Iterable[str], folder: Path) -> tuple[Path, ...]:
 
 
 def of_outside(stack: ExternalStack | None) -> Iterator[Foreign]:
-    """Yield the command, or the address, of a stack in a process of its own."""
+    """Yield the command, or the address, of a foreign stack."""
     if stack is None:
         return
     if stack.connect:

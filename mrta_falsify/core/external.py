@@ -1,4 +1,4 @@
-"""A stack in a process of its own: how it is started or reached, and what it may do."""
+"""A foreign stack: how it is started or reached, and what it may do."""
 
 from __future__ import annotations
 

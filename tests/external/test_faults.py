@@ -1,4 +1,4 @@
-"""What a stack in a process of its own does wrong is a verdict about it, in words."""
+"""What a foreign stack does wrong is a verdict about it, in words."""
 
 from __future__ import annotations
 
