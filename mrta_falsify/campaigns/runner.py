@@ -345,7 +345,7 @@ class _Loop:
             self._on_note(f"trial {number:04d} was lost ({reason}); it is run again")
             return
         resume = f"mrta-falsify campaign --resume {shlex.quote(str(self._store.directory))}"
-        hint = f"go on with: {resume}"
+        hint = f"continue with: {resume}"
         if finished.fate == "timeout":
             most = self._store.settings.time_limit
             hint = f"give it more than {most:g} s: {resume} --time-limit {2.0 * most:g}"

@@ -618,7 +618,7 @@ class Store:
         """
         self.check()
         kept = f"trial {number:04d} is not stored, all that ended before are"
-        error.then = f"go on with: {self._resume()} ({kept})"
+        error.then = f"continue with: {self._resume()} ({kept})"
         return error
 
     def _resume(self) -> str:

@@ -68,7 +68,7 @@ def compare(
         settings: ``--set`` texts applied to the stack.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
         params: Scenic's global parameters to override.
-        resume: go on with the comparison in ``output``.
+        resume: continue the comparison in ``output``.
         on_search: called after each search with the number done, the total and a line about it.
 
     Raises:

@@ -269,8 +269,8 @@ class Losing(SerialExecutor):
 @pytest.mark.parametrize(
     ("fate", "kind", "hint"),
     [
-        ("crashed", HarnessError, r"go on with: mrta-falsify campaign --resume \S+"),
-        ("refused", InputError, r"go on with: mrta-falsify campaign --resume \S+"),
+        ("crashed", HarnessError, r"continue with: mrta-falsify campaign --resume \S+"),
+        ("refused", InputError, r"continue with: mrta-falsify campaign --resume \S+"),
         ("timeout", HarnessError, r"give it more than 60 s: .* --resume \S+ --time-limit 120"),
     ],
 )
