@@ -309,13 +309,13 @@ class _Loop:
             self._on_record(stored, False)
 
     def _compare(self, proposal: Proposal) -> None:
-        """Refuse a stored trial that was asked for at another point; nothing was written yet."""
+        """Refuse a stored trial that was proposed at another point; nothing was written yet."""
         stored = self._store.finished.get(proposal.number)
         if stored is not None and stored.origin.proposal != point_digest(proposal.u):
             raise StoreError(
-                f"{self._store.directory}: trial {stored.id} was asked for at another point than "
-                "these settings and this version ask for, so the campaign cannot go on; it can "
-                "still be read: begin one in another directory, or delete this one"
+                f"{self._store.directory}: trial {stored.id} was proposed at another point than "
+                "these settings and this version propose, so the campaign cannot be resumed, only "
+                "read. Begin one in another directory, or delete this one"
             )
 
     def _time_is_over(self) -> bool:
