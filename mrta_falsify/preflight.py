@@ -312,7 +312,13 @@ def _ring(visits: Sequence[_Visit]) -> float:
     best, looks = 0.0, 0
 
     def extend(ring: tuple[int, ...], since: float, until: float) -> None:
-        """Try all rings that begin with these and may be the best; [s] all are in their rooms."""
+        """Extend a ring in every way that may beat the best.
+
+        Args:
+            ring: numbers of its visits so far.
+            since: begin of the time at which all of them are in their rooms [s].
+            until: end of that time [s]; before ``since``: they miss each other.
+        """
         nonlocal best, looks
         for number in of_room.get(following[ring[-1]].stop.room, ()):
             looks += 1

@@ -65,8 +65,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--mrta-trust",
         action="store_true",
-        help="Run what is not mrta-falsify's own and stands in the campaign's folder, as --trust "
-        "of mrta-falsify.",
+        help="Run foreign code that the campaign's folder names, as --trust of mrta-falsify does.",
     )
     group.addoption(
         "--mrta-perturbed",

@@ -57,9 +57,7 @@ class Job:
     then: tuple[str, ...] = ()  #: specifications whose violation ends no run early, as a shut place
     scene: Any = None  #: Scenic's, for a world that cannot do without its program
     limits: StackLimits = StackLimits()  #: kept only where runs are guarded
-    transcript: Transcript | None = (
-        None  #: what a stack in a process of its own has said; it is not asked
-    )
+    transcript: Transcript | None = None  #: what a foreign stack has said; it is not asked
     reference: Costs | None = None  #: to compare with; None: of a run of the reference stack
     rules: int = RULES  #: in whose form its failures are compared, see :mod:`.campaigns.rules`
 
@@ -359,7 +357,7 @@ def campaign_specifications(config: StackConfig | None = None) -> tuple[str, ...
 
     All that score a run but ``human_clearance``: people who do not react to robots come
     nearer than its 0.1 m on their own, and a search would find nothing else. The same goes for
-    ``repeatable`` of a stack in a process of its own, where noise is usual: each failure is run
+    ``repeatable`` of a foreign stack, where noise is usual: each failure is run
     again instead.
 
     Args:

@@ -387,12 +387,12 @@ _OTHERWISE = "the same run again may go otherwise"
 COUPLED: dict[Coupling, str] = {
     "stepped": "stepped: it answered when all of a tick's work was done",
     "awaited": f"awaited: it waited for its parts, up to a limit; {_OTHERWISE}",
-    "paced": f"paced: its parts ran by the clock on the wall; {_OTHERWISE}",
+    "paced": f"paced: its parts ran by the wall clock; {_OTHERWISE}",
 }
 
 
 def coupling_facts(coupling: Coupling | None) -> tuple[tuple[str, str], ...]:
-    """Say how tightly a stack in a process of its own was coupled; nothing of the shipped one."""
+    """Say how tightly a foreign stack was coupled; nothing of the shipped one."""
     return (("coupling", COUPLED[coupling]),) if coupling is not None else ()
 
 

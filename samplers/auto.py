@@ -40,7 +40,7 @@ class AutoSampler:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """Options of :class:`AutoSampler`; the switches show what each part is worth."""
+        """Options of :class:`AutoSampler`; each switch turns one part off, for ablations."""
 
         cube: Cube = Cube()
         seed: int = quantity(low=0, default=0)

@@ -39,7 +39,7 @@ class Running:
             kind: of its answer.
 
         Raises:
-            HarnessError: the copy failed, or a stack in a process of its own has none.
+            HarnessError: the copy failed, or a foreign stack has none.
         """
 
         def answer() -> Any:

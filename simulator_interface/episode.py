@@ -93,7 +93,7 @@ class Episode:
     Args:
         world: what to simulate.
         config: the stack under test.
-        transcript: answers of an earlier run of a stack outside; None: it is asked.
+        transcript: answers of an earlier run of a foreign stack; None: it is asked.
     """
 
     def __init__(
@@ -308,7 +308,7 @@ class Episode:
             StackFailed: the other stack cannot be built.
         """
         assert self.state is not None, "the episode has not begun"
-        assert self.outside is None, "a stack in a process of its own has no layers to swap"
+        assert self.outside is None, "a foreign stack has no layers to swap"
         is_defective = config.defects != self.config.defects
         kept = None if is_defective or config.costmap != self.config.costmap else self._source
         has_other = is_defective or config.controller != self.config.controller

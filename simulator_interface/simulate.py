@@ -63,9 +63,7 @@ class Outcome:
     ended: str  #: why the episode ended
     sim_time: float  #: simulated [s]
     wall_s: float  #: measured; never part of a digest
-    transcript: Transcript | None = (
-        None  #: what a stack in a process of its own has said, if it is kept
-    )
+    transcript: Transcript | None = None  #: what a foreign stack has said, if it is kept
     coupling: Coupling | None = None  #: of such a stack to simulated time
 
     def __getattr__(self, name: str) -> Any:
@@ -136,7 +134,7 @@ def simulate(
         keep_trace: keep columns and tables; without, the trace has only its digest.
         on_progress: called about once per simulated second with the time [s].
         stop: ends the episode at the first frame for which it returns a reason.
-        transcript: what a stack in a process of its own has said; it is not asked again.
+        transcript: what a foreign stack has said; it is not asked again.
 
     Returns:
         Trace, verdicts and counts.
@@ -178,7 +176,7 @@ class EpisodeRun:
         specifications: folds that score the run; they are started here.
         keep_trace: keep columns and tables; without, the trace has only its digest.
         stop: ends the episode at the first frame for which it returns a reason.
-        transcript: what a stack in a process of its own has said; it is not asked again.
+        transcript: what a foreign stack has said; it is not asked again.
         copies: False where nobody would command the robots in a copy of the run: no forecasts.
         speculates: whether a copy of this process may take its place (see :mod:`.speculation`);
             only if nobody changes the building, or the stack, from outside.
@@ -292,7 +290,7 @@ class EpisodeRun:
             self._ask_at_end()
 
     def _ask_at_end(self) -> None:
-        """Ask a stack in a process of its own all again, for the specifications that want it."""
+        """Ask a foreign stack all again, for the specifications that want it."""
         outside = self.episode.outside
         judging = [one for one in self._specifications if isinstance(one, RepeatingRun)]
         if outside is None or not judging:

@@ -37,7 +37,7 @@ COMMANDS = {
     "causes": ["causes run TMP/cases.jsonl -o TMP/causes.jsonl --max-runs 2"],
     "controllers": ["control.bench"],
     "planted faults": ["defects.run --variants 1 --only same_room_twice_stalls --workers 1"],
-    "stack outside": ["door.ticks --robots 6 --rounds 1"],
+    "foreign stack": ["door.ticks --robots 6 --rounds 1"],
     "engines agree": ["engine.agree --seconds 2 --rounds 1"],
     "engines tuned": ["engine.tune --seconds 0.5"],
     "search suite": [

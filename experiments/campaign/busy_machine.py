@@ -3,7 +3,7 @@
     python -m experiments.campaign.busy_machine --budget 8 --busy 4
 
 Runs two campaigns on the kinematic engine by the command line, each alone and beside processes
-that do nothing but work: a shipped scenario, and a stack in a process of its own as `init --stack
+that do nothing but work: a shipped scenario, and a foreign stack as `init --stack
 python` writes it. Limits are tight, so that one that counted wall-clock time would lose trials.
 Records are compared but for the times that were measured.
 """
@@ -110,7 +110,7 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=4, help="processes that work beside")
     parser.add_argument("--scenario", default="narrow_doors")
     parser.add_argument("--time-limit", type=float, default=12.0, help="s, of one trial")
-    parser.add_argument("--tick-limit", type=float, default=0.05, help="s, of the stack outside")
+    parser.add_argument("--tick-limit", type=float, default=0.05, help="s, of the foreign stack")
     parser.add_argument("--only", default="", choices=("", "shipped", "outside"))
     args = parser.parse_args()
     common = [

@@ -13,7 +13,7 @@ Where a robot waits for several, an edge holds as well if the robot moves withou
 not without all but this one. New work may bring another robot into its way: an edge that holds only
 as long as none comes holds, and is counted apart.
 
-A stack outside may remember what it has promised to a robot, so removal decides nothing where it
+A foreign stack may remember what it has promised to a robot, so removal decides nothing where it
 frees nobody. The stacks of this benchmark write down for whom they wait; that decides.
 """
 

@@ -1,6 +1,6 @@
 """Scenes in which something that comes from outside may free robots: tasks, openings.
 
-Robots of a stack outside drive until another one stands before them; an idle one never moves.
+Robots of a foreign stack drive until another one stands before them; an idle one never moves.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def arrival_frees(random: np.random.Generator) -> Scene:
 
 
 def arrival_frees_outside(random: np.random.Generator) -> Scene:
-    """The same with a stack outside."""
+    """The same with a foreign stack."""
     return _idle_in_the_way(random), outside(random, "lanes")
 
 

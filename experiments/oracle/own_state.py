@@ -1,4 +1,4 @@
-"""Who waits for whom, as a stack outside has written it down itself.
+"""Who waits for whom, as a foreign stack has written it down itself.
 
 A stack that remembers locks is not freed by taking a robot away: the lock stays. So members of its
 deadlocks come from its own state, see :mod:`experiments.oracle.outside.driving`.

@@ -84,5 +84,5 @@ def bed_shuts(random: np.random.Generator) -> Scene:
 
 
 def bed_shuts_outside(random: np.random.Generator) -> Scene:
-    """A stack outside there."""
+    """A foreign stack there."""
     return _ward(random), outside(random, "lanes")

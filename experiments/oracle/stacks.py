@@ -65,7 +65,7 @@ def outside(random: np.random.Generator, program: str, **params: float | str) ->
 
 
 def with_state_file(config: StackConfig, path: Path) -> StackConfig:
-    """Let a stack outside write down why its robots stand, and be copied by fork."""
+    """Let a foreign stack write down why its robots stand, and be copied by fork."""
     assert config.stack is not None
     env = {**config.stack.env, "MRTA_ORACLE_STATE": str(path)}
     return dataclasses.replace(
@@ -74,7 +74,7 @@ def with_state_file(config: StackConfig, path: Path) -> StackConfig:
 
 
 def is_ours(config: StackConfig) -> bool:
-    """Whether a stack outside is one that writes down why its robots stand."""
+    """Whether a foreign stack is one that writes down why its robots stand."""
     programs = {path.name for path in OUTSIDE.glob("*.py")} - {"driving.py"}
     if config.stack is None or Path(config.stack.folder).resolve() != OUTSIDE.resolve():
         return False
@@ -91,7 +91,7 @@ def identity(config: StackConfig) -> str:
 
 
 def clock_of(config: StackConfig) -> float:
-    """For how long timers of a stack outside may run while nothing moves [s]; 0: none that ends."""
+    """For how long timers of a foreign stack may run while nothing moves [s]; 0: none that ends."""
     params = config.stack.params if config.stack else {}
     patience = float(params.get("patience", 0.0))
     in_a_row = 2.0 if config.stack and config.stack.command[-1] == "lanes.py" else 1.0

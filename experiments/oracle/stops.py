@@ -9,7 +9,7 @@ from mrta_falsify.core.fleet import Frame, Phase, StackEvent
 from mrta_falsify.core.world import World
 
 REACH = 0.5  # m from a room's point at which a stop can be served
-#: m from its goal within which a robot of a stack outside is being served, whatever it says
+#: m from its goal within which a robot of a foreign stack is being served, whatever it says
 AT_GOAL = 0.2
 SERVED = ("picked-up", "dropped-off")
 
@@ -18,7 +18,7 @@ class StopCount:
     """Counts the stops that each robot has reached; one object per run.
 
     A stop is reached once its service begins within 0.5 m of the room's point, however long it
-    takes. What the stack says of it counts only where the motion agrees. A stack outside need not
+    takes. What the stack says of it counts only where the motion agrees. A foreign stack need not
     say when a service begins: it does within 0.2 m of the goal.
     """
 
@@ -36,7 +36,7 @@ class StopCount:
         self.ways: list[list[tuple[float, float]]] = [[] for _ in range(robots)]
 
     def _place(self, event: StackEvent) -> Array:
-        """Where a robot is served; a stack outside names the task only."""
+        """Where a robot is served; a foreign stack names the task only."""
         if event.resource:
             return self._points[event.resource]
         task = self._tasks[event.task]

@@ -48,7 +48,7 @@ def known_code_digest(
         specifications: names, as of ``--spec``.
 
     Returns:
-        None where a stack in a process of its own may change without our seeing it: it runs
+        None where a foreign stack may change without our seeing it: it runs
         already, its command names no file, or there is too much beside these to read.
     """
     found: list[str] = []

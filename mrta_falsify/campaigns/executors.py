@@ -75,7 +75,7 @@ class SerialExecutor:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """None."""
+        """No options."""
 
     def __init__(self, options: Options) -> None:
         del options

@@ -142,7 +142,7 @@ def _files_of(words: Iterable[str], folder: Path) -> tuple[Path, ...]:
 
 
 def of_outside(stack: ExternalStack | None) -> Iterator[Foreign]:
-    """Yield the command, or the address, of a stack in a process of its own."""
+    """Yield the command, or the address, of a foreign stack."""
     if stack is None:
         return
     if stack.connect:
@@ -230,8 +230,8 @@ def permit(directory: Path, foreign: Iterable[Foreign], trust: Trust) -> None:
     if digest is None or digest not in trusted_digests():
         if not trust:
             raise NeedsOption(
-                f"{directory} was not made by you on this machine, and this would run or read what "
-                f"it names: {what}",
+                f"{directory} was not made by you on this machine, and this command would run or "
+                f"read what the folder names: {what}",
                 "--trust",
             )
         is_kept = digest is not None and remember(digest)

@@ -265,7 +265,7 @@ class _Loop:
             if record.origin.uniform and progress.is_saturated:
                 return "saturated"
             if progress.rejected_in_a_row >= self._limits.rejected_in_a_row:
-                none = "scene" if record.status == "rejected" else "world that can be done"
+                none = "valid scene" if record.status == "rejected" else "feasible world"
                 raise InputError(
                     f"{self._store.settings.trials.scenario}: the last "
                     f"{progress.rejected_in_a_row} proposals gave no {none}; "
@@ -310,13 +310,13 @@ class _Loop:
             self._on_record(stored, False)
 
     def _compare(self, proposal: Proposal) -> None:
-        """Refuse a stored trial that was asked for at another point; nothing was written yet."""
+        """Refuse a stored trial that was proposed at another point; nothing was written yet."""
         stored = self._store.finished.get(proposal.number)
         if stored is not None and stored.origin.proposal != point_digest(proposal.u):
             raise StoreError(
-                f"{self._store.directory}: trial {stored.id} was asked for at another point than "
-                "these settings and this version ask for, so the campaign cannot go on; it can "
-                "still be read: begin one in another directory, or delete this one"
+                f"{self._store.directory}: trial {stored.id} was proposed at another point than "
+                "these settings and this version propose, so the campaign cannot be resumed, only "
+                "read. Begin one in another directory, or delete this one"
             )
 
     def _time_is_over(self) -> bool:
@@ -346,7 +346,7 @@ class _Loop:
             self._on_note(f"trial {number:04d} was lost ({reason}); it is run again")
             return
         resume = f"mrta-falsify campaign --resume {shlex.quote(str(self._store.directory))}"
-        hint = f"go on with: {resume}"
+        hint = f"continue with: {resume}"
         if finished.fate == "timeout":
             most = self._store.settings.time_limit
             hint = f"give it more than {most:g} s: {resume} --time-limit {2.0 * most:g}"

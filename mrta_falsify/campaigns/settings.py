@@ -87,7 +87,7 @@ class TrialSettings:
         default=VERIFY,
         came_later=True,
         text=(
-            "Number of unchanged repeats of each failure of a stack in a process of its own, "
+            "Number of unchanged repeats of each failure of a foreign stack, "
             "to count how often it comes again."
         ),
     )

@@ -501,7 +501,7 @@ class Store:
         make_folder(directory)
         if (directory / SETTINGS).exists():
             raise StoreError(
-                f"{directory}: holds a campaign already; go on with it by "
+                f"{directory}: holds a campaign already; continue it by "
                 f"`mrta-falsify campaign --resume {directory}`, or name another directory"
             )
         with naming(directory):
@@ -618,7 +618,7 @@ class Store:
         """
         self.check()
         kept = f"trial {number:04d} is not stored, all that ended before are"
-        error.then = f"go on with: {self._resume()} ({kept})"
+        error.then = f"continue with: {self._resume()} ({kept})"
         return error
 
     def _resume(self) -> str:

@@ -54,7 +54,7 @@ class TrialRow:
     trace_digest: str
     error: str
     not_judged: tuple[str, ...] = later(())  #: specifications
-    repeats: int = later(0)  #: runs again with nothing changed, of a stack in a process of its own
+    repeats: int = later(0)  #: runs again with nothing changed, of a foreign stack
     repeats_failed: int = later(0)  #: those that fail in the same way
     other_engines: str = later("")  #: on which a robust failure was run, and the outcome
     #: what the other stack does, with ``--against``

@@ -68,8 +68,8 @@ MAX_LINES = 200  # stops printed as text; json prints all
     default="text",
     show_default=True,
     help=(
-        "Form of the output; json and smrta print one object on stdout, smrta with SMrTa's "
-        "agt, ts, td, t2a."
+        "Form of the output; json and smrta print one object on stdout, smrta with the keys of "
+        "the solver SMrTa (agt, ts, td, t2a)."
     ),
 )
 def allocate_command(tasks: Path, travel_times: Path, style: str, **options: Any) -> int:

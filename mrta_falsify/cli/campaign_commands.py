@@ -202,7 +202,7 @@ def _exit_code(result: CampaignResult) -> int:
 @click.option(
     "--stack",
     type=click.Choice(["python", "cpp"]),
-    help="Language of a stack of your own to write as well.",
+    help="Language of a stack template to write as well.",
 )
 def init_command(directory: Path, stack: Literal["python", "cpp"] | None) -> int:
     """Write a first scenario and stack file into DIRECTORY (default: here)."""

@@ -153,7 +153,7 @@ def say_interrupted(result: CampaignResult) -> None:
     place = shlex.quote(str(result.campaign.directory))
     output.say(
         f"interrupted: {result.progress.ran} of {result.progress.limits.budget} trials are "
-        f"stored; go on with: mrta-falsify campaign --resume {place}"
+        f"stored; continue with: mrta-falsify campaign --resume {place}"
     )
 
 

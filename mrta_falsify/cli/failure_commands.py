@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     default=120,
     text=(
         "Largest number of runs: six for the stack as it is and six for each exchanged layer; "
-        "for a stack in a process of its own, also runs under other schedules and without "
+        "for a foreign stack, also runs under other schedules and without "
         "single things."
     ),
 )

@@ -61,7 +61,7 @@ COMMANDS = {
     ),
     "stack-test": Listed(
         "machine_commands",
-        "Test a stack in a process of its own.",
+        "Test a foreign stack.",
         violated="a check failed",
     ),
     "explain": Listed("failure_commands", "Find the layer that a failure belongs to."),

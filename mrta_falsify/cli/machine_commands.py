@@ -167,7 +167,7 @@ def doctor_command(style: str) -> int:
 @fleets_option("6,24,100", "Sizes of the fleets whose ticks are timed, for example 6,24,100.")
 @format_option
 def stack_test_command(command: str, robots: tuple[int, ...], style: str) -> int:
-    """Test a stack in a process of its own: protocol, determinism, copies, speed.
+    """Test a foreign stack: protocol, determinism, copies, speed.
 
     CMD starts it, as in `--stack 'exec:CMD'`; FILE is a YAML file with `stack:`.
     """

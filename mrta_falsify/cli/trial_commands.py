@@ -223,7 +223,7 @@ def _verdict_line(verdict: Verdict) -> str:
 @click.option(
     "--live",
     is_flag=True,
-    help="Run a stack in a process of its own again, instead of using its stored answers.",
+    help="Run a foreign stack again, instead of using its stored answers.",
 )
 @click.option(
     "--against",

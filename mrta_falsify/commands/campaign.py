@@ -123,7 +123,7 @@ def campaign(
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
-        verify: runs again of each failure of a stack in a process of its own, nothing changed.
+        verify: runs again of each failure of a foreign stack, nothing changed.
         confirm: engines that robust failures are run on as well, with copies.
         with_shut_rooms: simulate worlds, too, in which no robot fits to a room of a task.
         window: trials that may run before the sampler knows their results, and so at a time.

@@ -70,7 +70,7 @@ def new_settings(
         mode: how scenes are accepted, ``repair`` or ``exact``.
         screen: kinematic engine first, physics only for what fails there.
         jittered: copies with small differences that are run of each failing world.
-        verify: runs again of each failure of a stack in a process of its own.
+        verify: runs again of each failure of a foreign stack.
         confirm: engines that robust failures are run on as well.
         with_shut_rooms: simulate worlds, too, in which no robot fits to a room of a task.
         window: how far trials may run ahead of what the sampler knows.

@@ -63,7 +63,7 @@ class CampaignSummary:
     wall_s: float
     ended: str  #: ``budget``, ``clock``, ``stop-after``, ``saturated`` or ``interrupted``
     directory: str
-    #: of a stack in a process of its own, when failures were run again
+    #: of a foreign stack, when failures were run again
     repeated: RepeatCounts | None = later(None)
     deadlocks: int = later(0)  #: failures that violate ``no_deadlock``, whatever their kind
     #: failures by kind: deadlock, stuck, shut (by the world), other; without afterthoughts

@@ -68,7 +68,7 @@ def compare(
         settings: ``--set`` texts applied to the stack.
         specs: names of specifications, or ``stl:FORMULA``; those of campaigns if empty.
         params: Scenic's global parameters to override.
-        resume: go on with the comparison in ``output``.
+        resume: continue the comparison in ``output``.
         on_search: called after each search with the number done, the total and a line about it.
 
     Raises:
@@ -82,7 +82,7 @@ def compare(
     if resume:
         check_is_comparison(directory)
     elif any(path.suffix != ".part" for path in make_directory(directory).iterdir()):
-        raise StoreError(f"{directory}: is not empty; go on with it by --resume")
+        raise StoreError(f"{directory}: is not empty; continue it with --resume")
     plan = ComparisonPlan(
         settings=new_settings(
             scenario,

@@ -38,7 +38,7 @@ def init(directory: Place = ".", stack: Language | None = None) -> tuple[Path, .
 
     Args:
         directory: made if missing; files that are there are never overwritten.
-        stack: language of a stack in a process of its own; None: the shipped one, by layers.
+        stack: language of a foreign stack; None: the shipped one, by layers.
 
     Returns:
         The files.

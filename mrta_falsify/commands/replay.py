@@ -62,7 +62,7 @@ def replay(
 ) -> Replay:
     """Run a stored trial again, and keep what that shows beside it, for the report.
 
-    A stack in a process of its own is not asked again: its stored answers are told.
+    A foreign stack does not run again: its stored answers are used.
 
     Args:
         directory: of the campaign.
@@ -103,7 +103,7 @@ def replay_trial(
         campaign: that has it.
         record: of the trial.
         times: how often.
-        live: ask a stack in a process of its own again, instead of telling its stored answers.
+        live: run a foreign stack again, instead of using its stored answers.
         lab: that runs it, and keeps finished runs.
 
     Raises:

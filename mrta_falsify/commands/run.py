@@ -175,13 +175,13 @@ class RunSummary:
     contacts: dict[str, int]
     verdicts: tuple[VerdictSummary, ...]
     #: ``all-tasks-done`` or ``horizon``; ``stack-crashed``, ``stack-hung``, ``stack-took-memory``
-    #: or ``stack-answered-nonsense`` of a stack in a process of its own
+    #: or ``stack-answered-nonsense`` of a foreign stack
     ended: str
     seed: int | None = None  #: that varied or sampled the world
     stack_digest: str = ""
     output: str = later("")  #: directory of the files, if any were written
     stack_failure: str = later("")  #: how the stack failed to answer, in words
-    #: stack in a process of its own: whether it is asked or runs by itself
+    #: foreign stack: whether it is asked or runs by itself
     coupling: Coupling | None = later(None)
     #: ways that a task needs and that are too narrow for every robot that may serve it
     shut: tuple[TightWay, ...] = later(())

@@ -97,7 +97,7 @@ def run_searches(
 
     def state() -> tuple[str, str]:
         kept = f"{done} of {len(searches)} searches, and the finished trials of the others"
-        return kept, f"{directory} is not complete; go on with --resume"
+        return kept, f"{directory} is not complete; continue with --resume"
 
     try:
         with describe_interrupt(state), Pool(_runs_searches, workers=workers) as pool:
@@ -109,7 +109,7 @@ def run_searches(
     except Ending:
         raise HarnessError(
             f"{directory}: processes that ran searches have died {MAX_DEATHS} times in a row; "
-            "go on with --resume"
+            "continue with --resume"
         ) from None
     except PlaceError as error:
         error.then = f"call again with --resume (kept: {state()[0]})"

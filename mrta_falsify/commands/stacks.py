@@ -29,10 +29,10 @@ def load_stack(
 
     Args:
         stack: a configuration, a YAML file, ``default``, or ``exec:CMD`` or ``connect:ADDRESS``
-            for a stack in a process of its own, or ``ADAPTER:TEXT`` of a registered adapter, such
+            for a foreign stack, or ``ADAPTER:TEXT`` of a registered adapter, such
             as ``ros_nodes:nodes.yaml``.
         settings: texts like ``planner=ompl``, ``planner.resolution=0.1``, ``defects=[name]``.
-        where: option that names a stack in a process of its own, for messages.
+        where: option that names a foreign stack, for messages.
 
     Raises:
         InputError: unknown layer, implementation or option, or a value not allowed.
@@ -53,7 +53,7 @@ def load_stack(
 
 
 def is_process(stack: str) -> bool:
-    """Whether a text names a stack in a process of its own, not a file."""
+    """Whether a text names a foreign stack, not a file."""
     name, colon, _ = stack.partition(":")
     return stack.startswith((EXEC, CONNECT)) or (bool(colon) and is_adapter(name))
 

@@ -76,7 +76,7 @@ def permit_runs(
         trust: of the user.
         config: the stack, as far as the campaign's files name it; None: as each trial was run.
         with_other: the other stack runs too, where two are compared.
-        told: stored answers are told in place of asking a stack in a process of its own.
+        told: stored answers are told in place of asking a foreign stack.
         only_sampled: their worlds are sampled anew, and nothing is run.
 
     Raises:

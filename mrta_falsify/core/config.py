@@ -92,14 +92,14 @@ STACK_LAYERS = tuple(layer for layer in LAYERS if layer not in ("human_model", "
 #: tasks in, itineraries out, deliveries claimed: part of every stack, never exchanged
 DISPATCHER = "dispatcher"
 LISTS = ("defects", "withheld")  # fields that list names
-STACK = "stack"  # field of a stack in a process of its own
+STACK = "stack"  # field of a foreign stack
 
 
 def decode_config(data: Any, *, where: str, folder: Path | None = None) -> StackConfig:
     """Read a stack configuration from YAML-shaped data.
 
     A layer is written as a name (``planner: astar``) or as a name with options
-    (``planner: {name: astar, resolution: 0.1}``). A stack in a process of its own is written as
+    (``planner: {name: astar, resolution: 0.1}``). A foreign stack is written as
     ``stack: exec:CMD``, ``stack: connect:ADDRESS`` or ``stack: {command: [...], ...}``.
 
     Args:
@@ -181,7 +181,7 @@ def apply_setting(config: StackConfig, setting: str) -> StackConfig:
         data[layer]["options"][option] = value
     elif option and layer == STACK:
         if config.stack is None:
-            raise ConfigError(f"{where}: there is no stack in a process of its own to set it for")
+            raise ConfigError(f"{where}: there is no foreign stack to set it for")
         data[STACK][option] = value
     elif option:
         raise ConfigError(f"{where}: {layer} has no options")

@@ -50,7 +50,7 @@ def first_difference(one: Trace, other: Trace) -> Difference | None:
         ValueError: other robots or people.
     """
     if (one.robots, one.humans) != (other.robots, other.humans):
-        raise ValueError("the traces are of other robots or people")
+        raise ValueError("the traces have different robots or people")
     both = [name for name in _ORDER if name in one.columns and name in other.columns]
     found = [_in_column(name, one, other) for name in both]
     found += [_in_paths(one, other), _in_events(one, other), _in_end(one, other)]

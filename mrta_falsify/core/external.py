@@ -1,4 +1,4 @@
-"""A stack in a process of its own: how it is started or reached, and what it may do."""
+"""A foreign stack: how it is started or reached, and what it may do."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOOPBACK = ("127.0.0.1", "localhost")  # the only hosts
 #: how a copy of the run gets a copy of the stack; auto: fork if the stack can, else replay
 Branching = Literal["auto", "fork", "replay", "never"]
 #: how tightly a stack keeps to simulated time. stepped: it has done all of a tick's work when it
-#: answers. awaited: it waits for its parts, up to a limit. paced: it runs by a clock on the wall
+#: answers. awaited: it waits for its parts, up to a limit. paced: it runs by the wall clock
 Coupling = Literal["stepped", "awaited", "paced"]
 
 

@@ -2,7 +2,7 @@
 
 The row stands beside the field, in :mod:`.fleet`. Columns of the trace, the digest, the check of a
 trace file, the comparison of two traces, frames that nothing was measured for and the message to a
-stack outside follow from it.
+foreign stack follow from it.
 """
 
 from __future__ import annotations

@@ -385,7 +385,7 @@ class Forecast(Protocol):
 
     @property
     def is_outside(self) -> bool:
-        """Whether a stack outside runs in it, which may remember what a robot that is gone has."""
+        """Whether a foreign stack runs in it, which may remember what a robot that is gone has."""
 
     @property
     def discs(self) -> Sequence[Disc]:

@@ -177,7 +177,7 @@ class TrialRecord:
     origin: Origin = Origin()
     result: RunResult | None = later(None)  #: None: no scene was accepted
     vote: Vote | None = later(None)  #: of perturbed runs of a failure, where the campaign asks
-    repeats: Repeats | None = later(None)  #: of a failure of a stack in a process of its own
+    repeats: Repeats | None = later(None)  #: of a failure of a foreign stack
     #: of a primary failure, where the campaign compares two stacks
     other: OtherRun | None = later(None)
     engines: dict[str, EngineRun] = later(dict)  #: others that a robust failure was run on, by name
@@ -247,7 +247,7 @@ class TrialRecord:
 
     @property
     def coupling(self) -> Coupling | None:
-        """Of a stack in a process of its own to simulated time."""
+        """Of a foreign stack to simulated time."""
         return None if self.result is None else self.result.coupling
 
     @property

@@ -66,7 +66,7 @@ class RunResult:
     engine: str = later("")  #: that it was run on, in records
     layer: str = later("")  #: suspected by rules on the trace, in records; empty: none
     trace_file: str = later("")  #: relative to the campaign directory, empty if not kept
-    coupling: Coupling | None = later(None)  #: of a stack in a process of its own
+    coupling: Coupling | None = later(None)  #: of a foreign stack
     #: first difference from the trace that the run is compared with
     difference: Difference | None = later(None)
     picture: str = later("")  #: file; empty: none was asked for, or the run does not fail

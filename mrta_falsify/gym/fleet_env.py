@@ -37,7 +37,7 @@ class AwaitedActions:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """None."""
+        """No options."""
 
     def __init__(self, options: Options) -> None:
         del options

@@ -72,7 +72,7 @@ class Experiment:
     ends_late: bool = False  #: ends, too, once one of these is late, which decides it
     limits: StackLimits = StackLimits()
     perturbation: int = 0  #: number of the world's copy with small differences; 0: the world itself
-    transcript: Transcript | None = None  #: what a stack outside has said; it is not asked
+    transcript: Transcript | None = None  #: what a foreign stack has said; it is not asked
     edits: tuple[Edit, ...] = ()  #: by time
     situation: Situation | None = None  #: the result says when it came about
     with_course: bool = False  #: whether the result tells the course of a run that fails

@@ -65,7 +65,7 @@ class Lab(AbstractContextManager["Lab"]):
 
     Args:
         journal: file of finished runs, for the next call; None keeps them in memory only. So does
-            a stack in a process of its own whose files are not known.
+            a foreign stack whose files are not known.
         what: has no result if it is interrupted, in words; empty: somebody else says so.
         workers: processes.
         time_limit: what a run may work and sleep [s], after which it is killed; None: no limit. A

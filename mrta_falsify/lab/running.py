@@ -74,7 +74,7 @@ def has_place(experiment: Experiment) -> bool:
 def forks(experiment: Experiment) -> bool:
     """Whether the run goes on in a fork from its first edit on, as others like it do.
 
-    A stack in a process of its own cannot be exchanged in mid-run, nor judged apart from its past.
+    A foreign stack cannot be exchanged in mid-run, nor judged apart from its past.
     """
     if experiment.stack.stack is None:
         return bool(experiment.edits)
@@ -148,7 +148,7 @@ def run_group(
 
 
 def experiment_of_job(job: Job) -> Experiment:
-    """Describe the run of a job; a stack outside is asked anew."""
+    """Describe the run of a job; a foreign stack is asked anew."""
     return Experiment(
         world=job.world,
         stack=job.config,

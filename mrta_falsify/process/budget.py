@@ -1,7 +1,7 @@
 """What a child may use, and credit for what is not the fault of its job.
 
-A trial whose stack hangs is run again, and a third time up to that tick. A failure of a stack in a
-process of its own is run again to see whether it comes again. Each such run has the whole budget.
+A trial whose stack hangs is run again, and a third time up to that tick. A failure of a foreign
+stack is run again to see whether it comes again. Each such run has the whole budget.
 """
 
 from __future__ import annotations

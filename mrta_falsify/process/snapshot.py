@@ -19,7 +19,7 @@ from mrta_falsify.process.watch import current_watch
 
 
 class RolledBack(BaseException):
-    """The run of this process is void; it goes on in the fork of a snapshot.
+    """This process's run is discarded; the fork of a snapshot continues the run.
 
     Args:
         child: the fork.

@@ -305,9 +305,9 @@ def _room_of(task: Task, kind: str) -> int:
 
 
 def confirmed(trace: Trace, world: World) -> Trace:
-    """Leave the claims out of a trace that its own motion contradicts, as the run's books did.
+    """Leave out of a trace the claims that its motion contradicts, as the books did in the run.
 
-    The stops that remain bear the time of the tick that brought them, which is when they counted.
+    Each remaining stop has the time of the tick in which the claim came, when it was counted.
 
     Args:
         trace: without its columns nothing can be confirmed, and it stays as it is.

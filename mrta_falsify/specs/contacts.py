@@ -224,7 +224,7 @@ class _ShrunkGap(_NarrowestGap):
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """None."""
+        """No options."""
 
     _kind: ClassVar[int]  #: column of ``Sensed.contact``
     _gap: ClassVar[attrgetter[Array]]  #: ``(N,)`` of a :class:`Sensed` [m]

@@ -16,7 +16,7 @@ class ByTheBooks:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """None."""
+        """No options."""
 
     def __init__(self, options: Options) -> None:
         self._options = options

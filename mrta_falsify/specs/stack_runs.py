@@ -24,7 +24,7 @@ class StackRuns:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """None."""
+        """No options."""
 
     def __init__(self, options: Options) -> None:
         self._options = options

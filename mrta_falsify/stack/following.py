@@ -1,6 +1,6 @@
 """Robots whose stack says where to, not how: they are planned for and driven as the shipped ones.
 
-A stack in a process of its own may leave driving to the harness, robot by robot. Such a robot gets
+A foreign stack may leave driving to the harness, robot by robot. Such a robot gets
 a plan to its goal, or keeps to the path that it was given, and the configured controller drives it
 past the others.
 """

@@ -46,7 +46,7 @@ class Street:
 
     @property
     def recess(self) -> float:
-        """How much deeper [m] than the street's wall a place for waiting robots must be."""
+        """Depth [m] of the bay in the street's wall that waiting robots need; 0: none."""
         return max(0.0, SIDE_SPACE - (self.width / 2.0 - self.lane))
 
     def point(self, station: float, right: float = 0.0) -> tuple[float, float]:

@@ -214,7 +214,7 @@ class Reader:
             raise Wrong("type", f"is {shown(message['type'])}; a tick is answered by 'command'")
         _refuse_unknown(message, self._known)
         if message.get("tick") != tick:
-            raise Wrong("tick", f"is {shown(message.get('tick'))}; tick {tick} was asked")
+            raise Wrong("tick", f"is {shown(message.get('tick'))}; the harness sent tick {tick}")
         readers = self._readers
         found = {name: readers[name](message[name]) for name in readers if name in message}
         return Answer(

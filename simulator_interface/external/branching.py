@@ -68,9 +68,9 @@ class MessageLog:
         self._rows, self._waiting = [], 0
 
     def all(self) -> Iterator[tuple[bytes, bytes]]:
-        """Give what was said and heard, from the world on."""
+        """Give the messages of both sides, from the world on."""
         if self._file is None:
-            raise CannotBranch("what was said to the stack is not kept")
+            raise CannotBranch("the messages to the stack are not kept")
         number, at = self._file.fileno(), 0
         while at < self._size:
             sent, received = _SIZES.unpack(_read(number, _SIZES.size, at))
@@ -103,7 +103,7 @@ def _read(number: int, size: int, at: int) -> bytes:
     while size:
         part = os.pread(number, size, at)
         if not part:
-            raise CannotBranch("what was said to the stack is cut short")
+            raise CannotBranch("the kept messages to the stack are cut short")
         parts.append(part)
         size, at = size - len(part), at + len(part)
     return b"".join(parts)

@@ -1,4 +1,4 @@
-"""What a stack in a process of its own answers when it is asked the same again.
+"""What a foreign stack answers when it is asked the same again.
 
 A fork of it is asked one tick. A fresh process is told everything from the start.
 """

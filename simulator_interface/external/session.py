@@ -356,26 +356,26 @@ class TranscriptSession:
         return StackFailed(ending.failure())
 
     def note_kept(self, size: int) -> None:
-        """See :class:`StackSession`; it was counted when the stack said it."""
+        """See :class:`StackSession`; the size was counted when the stack answered."""
 
     def transcript(self) -> Transcript:
         """See :class:`StackSession`."""
         return self._transcript
 
     def note_forecast(self, answer: dict[str, Any] | None) -> None:
-        """See :class:`StackSession`; it is known."""
+        """See :class:`StackSession`; the transcript has it already."""
 
     def ask_copy(self, ask: Callable[[], object]) -> Callable[[], DeterminismCheck | None]:
-        """See :class:`StackSession`; it is known what came of it."""
+        """See :class:`StackSession`; the result of the first run is stored."""
         del ask
         return lambda: next(self._again, None)
 
     def ask_fresh(self) -> DeterminismCheck:
-        """See :class:`StackSession`; it is known what came of it."""
+        """See :class:`StackSession`; the result of the first run is stored."""
         return next(self._again, None) or DeterminismCheck(why_not="no second answers are stored")
 
     def branch(self) -> None:
-        """See :class:`StackSession`; there is no stack to be copied."""
+        """See :class:`StackSession`; no stack runs, so none can be copied."""
         raise CannotBranch("stored answers go no further")
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A stack in a process of its own takes the place of the shipped one in an episode.
+"""A foreign stack takes the place of the shipped one in an episode.
 
 It gets one message a tick and answers it. What it says is checked and turned into what the shipped
 stack would give. All answers are kept, so that the run can be told again without it.

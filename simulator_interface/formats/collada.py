@@ -44,7 +44,7 @@ def read_collada(path: Path) -> tuple[Array, IntArray]:
     except (KeyError, ValueError, IndexError, ArithmeticError, RecursionError) as error:
         text = " ".join(str(error).split())[:80]
         raise FormatError(
-            f"{path}: is not a mesh that is read: {type(error).__name__}: {text}"
+            f"{path}: is not a supported mesh: {type(error).__name__}: {text}"
         ) from None
     return made, np.vstack(faces)
 

@@ -87,7 +87,7 @@ def read_bag(path: Path) -> FleetLog:
         raise FormatError(f"{path}: cannot be read: there is no such file or folder")
     if path.suffix.lower() in ROS_1:
         raise FormatError(
-            f"{path}: is a bag of ROS 1, which is not read; convert it: `rosbags-convert --src "
+            f"{path}: is a ROS 1 bag, which is not supported; convert it: `rosbags-convert --src "
             f"{path.name} --dst {path.stem}`"
         )
     try:

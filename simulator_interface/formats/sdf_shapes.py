@@ -67,7 +67,7 @@ def _footprint(geometry: Node, at: SdfPlace, low: float, high: float) -> BaseGeo
             return reader(child, at, low, high)
         if child.tag not in _NO_OBSTACLE:
             raise at.fail(
-                f"<{child.tag}> is not a shape that is read; allowed: {', '.join(sorted(_READERS))}"
+                f"<{child.tag}> is not a supported shape; allowed: {', '.join(sorted(_READERS))}"
             )
     return Polygon()
 
@@ -165,7 +165,7 @@ def _mesh_file(uri: str, at: SdfPlace) -> Path:
     try:
         inside = [file.resolve() for file in candidates]
     except (OSError, ValueError, RuntimeError) as error:
-        raise at.fail(f"<uri> is {uri[:80]!r}; it is no path: {error}") from None
+        raise at.fail(f"<uri> is {uri[:80]!r}; it is not a path: {error}") from None
     inside = [file for file in inside if file.is_relative_to(at.root)]
     for file in inside:
         if file.is_file():

@@ -56,7 +56,7 @@ class PyBulletSimulator(Simulator):  # type: ignore[misc]
         specifications: new specifications for a run; by default those of ``param specs``.
         keep_trace: keep the trace's columns and tables, not only its digest.
         stop: ends a run at the first frame for which it returns a reason.
-        told: what a stack in a process of its own has said; it is not asked again.
+        told: what a foreign stack has said; it is not asked again.
     """
 
     def __init__(

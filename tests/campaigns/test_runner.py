@@ -269,8 +269,8 @@ class Losing(SerialExecutor):
 @pytest.mark.parametrize(
     ("fate", "kind", "hint"),
     [
-        ("crashed", HarnessError, r"go on with: mrta-falsify campaign --resume \S+"),
-        ("refused", InputError, r"go on with: mrta-falsify campaign --resume \S+"),
+        ("crashed", HarnessError, r"continue with: mrta-falsify campaign --resume \S+"),
+        ("refused", InputError, r"continue with: mrta-falsify campaign --resume \S+"),
         ("timeout", HarnessError, r"give it more than 60 s: .* --resume \S+ --time-limit 120"),
     ],
 )
@@ -376,7 +376,7 @@ def test_what_cannot_go_on_is_left_as_it_is(tmp_path):
     before = _bytes_of(tmp_path / "b")
     with Store.resume(tmp_path / "b") as store:
         store.keep(budget=99, time_limit=store.settings.time_limit)
-        with pytest.raises(StoreError, match="trial 0004 was asked for at another point"):
+        with pytest.raises(StoreError, match="trial 0004 was proposed at another point"):
             _run(store, budget=99)
     assert _bytes_of(tmp_path / "b") == before
 

@@ -2,7 +2,7 @@
 
     python -m tests.external.kills --kills 50
 
-One campaign runs episodes with a stack in a process of its own, with two workers. Again and again
+One campaign runs episodes with a foreign stack, with two workers. Again and again
 a stack, a worker or the campaign itself is killed at a random moment, each as often as asked; a
 campaign that was killed is resumed. In turn the stack is plain, has children, has children with
 sessions of their own, or hangs when a copy of the run asks it to fork. What an episode gives

@@ -1,4 +1,4 @@
-"""The shipped stack as a stack in a process of its own; parameters: files of world and stack."""
+"""The shipped stack as a foreign stack; parameters: files of world and stack."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_fields_of_the_stacks_own_are_let_through():
     ("fields", "field", "text"),
     [
         ({"type": "tick"}, "type", "is 'tick'; a tick is answered by 'command'"),
-        ({"tick": 4}, "tick", "tick 4 was asked"),
+        ({"tick": 4}, "tick", "the harness sent tick 4"),
         ({"twist": bytes(40)}, "twist", "has 40 bytes; (2, 3) float64 are 48"),
         ({"twist": [[0, 0, 0]]}, "twist", "has shape (1, 3); it must be (2, 3)"),
         ({"twist": "left"}, "twist", "is 'left'; it must be numbers"),

@@ -1,4 +1,4 @@
-"""A stack in a process of its own is asked the same again, and must answer the same."""
+"""A foreign stack is asked the same again, and must answer the same."""
 
 from __future__ import annotations
 

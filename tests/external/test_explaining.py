@@ -1,4 +1,4 @@
-"""Without what, and under which schedule, a stack in a process of its own does not fail."""
+"""Without what, and under which schedule, a foreign stack does not fail."""
 
 from __future__ import annotations
 

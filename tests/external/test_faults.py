@@ -1,4 +1,4 @@
-"""What a stack in a process of its own does wrong is a verdict about it, in words."""
+"""What a foreign stack does wrong is a verdict about it, in words."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def failure_of(hall: World, how: str, **more) -> dict:
         ("shape", "answer", "twist has 32 bytes; (2, 3) float64 are 48", "about to shape"),
         ("field", "answer", "twists is no field of the message; did you mean 'twist'?", "about"),
         ("event", "answer", "events has 99; it must be a whole number from -1 to 1", "about"),
-        ("tick", "answer", "tick is 7; tick 5 was asked", "about to tick"),
+        ("tick", "answer", "tick is 7; the harness sent tick 5", "about to tick"),
         ("prints", "answer", "is something printing to the connection?", "about to prints"),
     ],
 )

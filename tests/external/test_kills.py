@@ -1,4 +1,4 @@
-"""kill -9 with a stack in a process of its own; the benchmark kills 50 of each kind."""
+"""kill -9 with a foreign stack; the benchmark kills 50 of each kind."""
 
 from __future__ import annotations
 

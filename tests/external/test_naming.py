@@ -1,4 +1,4 @@
-"""How a stack in a process of its own is named: on the command line, in YAML, in journals."""
+"""How a foreign stack is named: on the command line, in YAML, in journals."""
 
 from __future__ import annotations
 
@@ -78,5 +78,5 @@ def test_options_of_the_stack_are_set_like_those_of_a_layer(tmp_path):
     (tmp_path / "stack.yaml").write_text(f"stack: exec:{sys.executable}")
     changed = load_stack(tmp_path / "stack.yaml", ["stack.branch=never", "stack.tick_limit=2"])
     assert (changed.stack.branch, changed.stack.tick_limit) == ("never", 2.0)
-    with pytest.raises(ConfigError, match="there is no stack in a process of its own"):
+    with pytest.raises(ConfigError, match="there is no foreign stack"):
         load_stack(None, ["stack.branch=never"])

@@ -1,4 +1,4 @@
-"""A failure of a stack in a process of its own is run again, nothing changed."""
+"""A failure of a foreign stack is run again, nothing changed."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ def test_models_that_include_each_other_end_in_a_sentence(tmp_path):
         (model("<box><size>1 2</size></box>"), "<size> is '1 2'; it must be 3 numbers"),
         (model("<box><size>1 -2 1</size></box>"), "must be positive"),
         (model(BOX, pose="0 0 nan 0 0 0"), "<pose> is '0 0 nan 0 0 0'"),
-        (model("<heightmap/>"), "<heightmap> is not a shape that is read"),
+        (model("<heightmap/>"), "<heightmap> is not a supported shape"),
         (model("<mesh><uri>no.stl</uri></mesh>"), "is not there"),
         ("<include><uri>model://nowhere</uri></include>", "model://nowhere is not in"),
         ("<include><uri>https://x.org/a/3</uri></include>", r"leave it out by `skip: \[a\]`"),

@@ -266,7 +266,7 @@ def journal(rnd: random.Random, folder: Path) -> None:
 
 
 def command(rnd: random.Random, folder: Path) -> None:
-    """An answer of a stack outside."""
+    """An answer of a foreign stack."""
     del folder
     message: dict[str, Any] = {"type": "command", "tick": 3, "twist": [[0.0, 0.0, 0.0]] * 2}
     message["paths"] = [[0, [[0.0, 0.0], [1.0, 1.0]]]]

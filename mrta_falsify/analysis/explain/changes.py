@@ -42,7 +42,7 @@ class Change:
 def changes_of(config: StackConfig) -> tuple[Change, ...]:
     """List the changes of each layer: to the shipped one, or from the shipped one to others.
 
-    A stack in a process of its own is replaced as a whole: by its own variants, by the shipped one.
+    A foreign stack is replaced as a whole: by its own variants, by the shipped one.
     """
     if config.stack is not None:
         return tuple(_changes_of_whole(config, config.stack))

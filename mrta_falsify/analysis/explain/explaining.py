@@ -5,7 +5,7 @@ the world; the first row exchanges nothing. Where that says nothing, the layers 
 the start. Of robots that wait for each other, each is removed in a continuation of its own. At last
 the run is rewound, to tell when the failure was decided.
 
-A stack in a process of its own has no layers to exchange. It is replaced as a whole, from the first
+A foreign stack has no layers to exchange. It is replaced as a whole, from the first
 tick on. The whole world is run without each of its things, and under other schedules.
 """
 

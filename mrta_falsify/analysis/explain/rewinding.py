@@ -148,7 +148,7 @@ def rewind(
     left_out, why_not = "", _why_not(job)
     if job.config.stack is not None and branches:
         branches = []
-        left_out = "the layers of a stack in a process of its own, which do not change in mid-run"
+        left_out = "the layers of a foreign stack, which do not change in mid-run"
     counted = _Votes(job, failure, most, lab, _finest_of(branches, failure.found))
     waiting = list(branches) if not why_not else []
     if not why_not:

@@ -16,7 +16,7 @@ SCHEDULE = "schedule"  # group of such runs
 
 
 class Schedules:
-    """The world under other schedules, of a stack in a process of its own."""
+    """The world under other schedules, of a foreign stack."""
 
     least = 2
 

@@ -1,1 +1,1 @@
-"""``stack-test``: does a stack in a process of its own keep to the protocol, and how fast is it?"""
+"""``stack-test``: does a foreign stack keep to the protocol, and how fast is it?"""

@@ -1,4 +1,4 @@
-"""Does a stack in a process of its own keep to the protocol of docs/door.md, and how fast is it?
+"""Does a foreign stack keep to the protocol of docs/door.md, and how fast is it?
 
 Each check starts the stack anew. Those that look at single messages talk to its process; the others
 run episodes with three robots on the kinematic engine.
@@ -61,7 +61,7 @@ def stack_test(
     robots: Sequence[int] = FLEETS,
     on_progress: Callable[[float], None] = lambda done: None,
 ) -> DoorReport:
-    """Test a stack in a process of its own.
+    """Test a foreign stack.
 
     Args:
         command: that starts it, with or without ``exec:``, or a YAML file with ``stack:``.

@@ -74,7 +74,7 @@ def corrected(edges: EdgesByRobot, stuck: set[int], removals: Removals) -> Edges
     already: then several may hold it together, and it is tried without all of them. Where one robot
     stands behind the other, it takes the place of the one that is gone: all are named without which
     the robot sets out, and does not without fewer. A robot that queues for a room, and is not held
-    by who has it, waits for the room alone. A stack outside may remember the locks of a robot that
+    by who has it, waits for the room alone. A foreign stack may remember the locks of a robot that
     is gone; there an edge goes only where a thing with a name, or a person, is seen in the way, or
     where nothing but nearness spoke for it.
 

@@ -188,7 +188,7 @@ class CounterfactualTest:
         """
         span = self._span(time)
         removals = Removals(forecast, self._progress, span.time, LOOK_WITHOUT, self._stride)
-        # What a stack outside does in a copy is no promise; when it should go on is kept instead.
+        # What a foreign stack does in a copy is no promise; when it should go on is kept instead.
         seen = self._first(forecast, queried, time, span, speculates=not removals.is_outside)
         if seen.as_expected:
             for i in queried:

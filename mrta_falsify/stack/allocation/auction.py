@@ -31,7 +31,7 @@ class Auction:
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Options:
-        """What a bid is."""
+        """What bids minimise."""
 
         objective: Objective = "completion"
 

@@ -40,7 +40,7 @@ class BridgeSettings:
 
     def __post_init__(self) -> None:
         if self.coupling == "stepped" and not self.done:
-            raise ConfigError("done is empty; coupling `stepped` needs a topic that acknowledges")
+            raise ConfigError("done is empty; coupling `stepped` needs an acknowledgement topic")
         if self.domain is not None and not 0 <= self.domain <= MAX_DOMAINS:
             raise ConfigError(f"domain is {self.domain}; it must be from 0 to {MAX_DOMAINS}")
         if self.drives == "harness" and not self.topics.goal_pose:

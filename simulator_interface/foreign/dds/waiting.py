@@ -1,7 +1,7 @@
 """When a tick is over: the three ways in which nodes that run by themselves are coupled to it.
 
 No message of ROS says "that is all for this tick". So either a node says it (*stepped*), or its
-commands are taken for it (*awaited*), or the clock on the wall decides (*paced*).
+commands are taken for it (*awaited*), or wall-clock time decides (*paced*).
 """
 
 from __future__ import annotations

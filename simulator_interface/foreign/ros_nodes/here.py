@@ -13,7 +13,7 @@ _graphs: list[Graph] = []  # the last one counts
 
 
 def enter(graph: Graph) -> None:
-    """Make a graph of nodes the one that user code sees."""
+    """Set the graph of nodes that user code sees."""
     _graphs[:] = [graph]
 
 

@@ -53,11 +53,11 @@ class Pose:
     turn: Array  #: (4,) quaternion x, y, z, w
 
     def after(self, inner: Pose) -> Pose:
-        """Give where a frame is that is at ``inner`` in this one."""
+        """Pose in this frame's parent of a frame that is at ``inner`` in this frame."""
         return Pose(self.shift + _rotated(self.turn, inner.shift), _product(self.turn, inner.turn))
 
     def inverse(self) -> Pose:
-        """Give where the parent is in this frame."""
+        """Pose of the parent in this frame."""
         back = self.turn * np.array([-1.0, -1.0, -1.0, 1.0])
         return Pose(-_rotated(back, self.shift), back)
 
