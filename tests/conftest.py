@@ -46,7 +46,7 @@ DATA = HERE.parents[1] / "shared" / "data"
 #: Parts of ``make long``, by folder or module; the last part has what stands in no other.
 PARTS = (
     ("test_docs.py", "test_gallery.py", "test_tutorials.py"),
-    ("recorded", "reports", "scenes", "test_site.py", "test_wheel.py"),
+    ("recorded", "reports", "scenes", "survival", "test_site.py", "test_wheel.py"),
     ("campaigns", "examples", "external", "foreign", "scenic_worlds"),
     ("cli", "contracts", "formats", "fuzz", "samplers", "specs", "test_experiments.py"),
     (),

@@ -33,20 +33,24 @@ class Interrupted(KeyboardInterrupt):
 
 def is_interruption(error: BaseException) -> bool:
     """Say whether an exception is Ctrl-C, or an error of ``HIDES_INTERRUPT`` that it has caused."""
+    return _interruption_in(error) is not None
+
+
+def _interruption_in(error: BaseException) -> KeyboardInterrupt | None:
     found: BaseException | None = error
     while found is not None and not isinstance(found, KeyboardInterrupt):
         found = found.__cause__ if isinstance(found, HIDES_INTERRUPT) else None
-    return found is not None
+    return found
 
 
 def pass_on(error: Exception) -> None:
     """Do nothing, unless ``error`` hides Ctrl-C.
 
     Raises:
-        KeyboardInterrupt: it has.
+        KeyboardInterrupt: that it hides.
     """
-    if is_interruption(error):
-        raise KeyboardInterrupt from error
+    if interruption := _interruption_in(error):
+        raise interruption
 
 
 @contextlib.contextmanager

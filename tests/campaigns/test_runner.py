@@ -338,7 +338,9 @@ def test_a_target_that_breaks_is_the_harness_at_fault(tmp_path):
 
 
 def test_a_scenario_that_gives_no_scene_ends_with_the_reason(tmp_path):
-    expected = pytest.raises(InputError, match=r"the last 30 proposals gave no scene.*no scene")
+    expected = pytest.raises(
+        InputError, match=r"the last 30 proposals gave no valid scene.*no scene"
+    )
     with Store.create(tmp_path, settings(reject_above=-1.0)) as store, expected:
         _run(store, budget=5, rejected_in_a_row=30)
 

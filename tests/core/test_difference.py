@@ -70,7 +70,7 @@ def test_a_difference_survives_the_way_through_json(hall_trace):
 
 def test_traces_of_other_robots_are_not_compared(hall_trace):
     other = dataclasses.replace(hall_trace, robots=("a", "b"))
-    with pytest.raises(ValueError, match="other robots"):
+    with pytest.raises(ValueError, match="different robots"):
         first_difference(hall_trace, other)
 
 

@@ -41,6 +41,13 @@ def test_ctrl_c_while_a_class_is_made_is_an_interruption():
         type("Made", (), {"part": Interrupting()})
 
 
+def test_what_an_interruption_says_is_kept_where_another_error_hides_it():
+    error = RuntimeError()
+    error.__cause__ = Interrupted(kept="2 runs", missing="1 run")
+    with pytest.raises(Interrupted, match="1 run; kept: 2 runs"), propagate_interrupts():
+        raise error
+
+
 def test_it_passes_as_what_it_is_and_other_errors_stay():
     with pytest.raises(KeyboardInterrupt), propagate_interrupts():
         raise _as_compiled_code_has_it(KeyboardInterrupt())
