@@ -142,6 +142,7 @@ def test_modes_of_a_stored_ledger_go_on_under_the_signatures_of_today(project):
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)  # the project is as it was recorded, each perturbed run to its horizon
 def test_no_mode_of_a_stored_ledger_is_new_or_resolved_by_the_update(project):
     first = json.loads(_run("ci", str(project), "--trust", "--format", "json", "--workers", "1"))
     assert (first["new"], first["resolved"], first["ongoing"]) == (0, 0, 1)
