@@ -378,7 +378,7 @@ def files_page() -> str:
             world.CommsOutage,
         ),
         "Project file of `ci`": (ProjectFile, ScenarioEntry, StackEntry),
-        "Stack in a process of its own": (ExternalStack,),
+        "Foreign stack": (ExternalStack,),
     }
     lines = [
         "# Fields of files\n\nA field with a default may be left out. Lengths in metres, angles in "
