@@ -24,7 +24,7 @@ def _blocks(page: Path, language: str) -> list[str]:
 
 def _pages_with_python() -> list[object]:
     """List pages; one runs a whole campaign and explains, minimises and reports its failure."""
-    marks = {"python": pytest.mark.long}
+    marks = {"python": (pytest.mark.long, pytest.mark.timeout(1800))}  # it explains and minimises
     pages = [page for page in PAGES if _blocks(page, "python")]
     return [pytest.param(p, id=p.stem, marks=marks.get(p.stem, ())) for p in pages]
 
