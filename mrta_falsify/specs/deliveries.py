@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mrta_falsify.core.fleet import Frame, Refusal
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.verdict import Verdict, unjudged
 from mrta_falsify.core.world import World
 from mrta_falsify.specs.books import Ledger, encoded
 
 
-class ByTheBooks:
+class ByTheBooks(WithoutOptions):
     """A specification of what the books hold; without deliveries told it cannot be judged."""
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """No options."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""

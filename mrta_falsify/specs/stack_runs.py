@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mrta_falsify.core.fleet import Frame
+from mrta_falsify.core.registry import WithoutOptions
 from mrta_falsify.core.spec_profile import SpecProfile
 from mrta_falsify.core.stack_failure import StackFailure
 from mrta_falsify.core.verdict import Verdict
@@ -13,7 +12,7 @@ from mrta_falsify.core.world import World
 NAME = "stack_runs"
 
 
-class StackRuns:
+class StackRuns(WithoutOptions):
     """The stack does not crash, hang, take too much memory or answer nonsense.
 
     Robustness: 1, or -1 if it failed. A failure ends the episode; ``violated_at`` is the time of
@@ -21,13 +20,6 @@ class StackRuns:
     """
 
     profile = SpecProfile(meaning="the stack failed", tie=0)
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """No options."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
 
     def start(self, world: World, dt: float) -> None:
         """Begin an episode."""

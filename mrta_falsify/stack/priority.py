@@ -10,6 +10,7 @@ import numpy as np
 from mrta_falsify.core.arrays import IntArray
 from mrta_falsify.core.errors import ConfigError
 from mrta_falsify.core.protocols import PriorityView
+from mrta_falsify.core.registry import WithoutOptions
 
 
 class FixedOrder:
@@ -40,15 +41,8 @@ class FixedOrder:
         return _fixed_ranks(self._options.order, len(view.active)).copy()
 
 
-class DistanceToGoal:
+class DistanceToGoal(WithoutOptions):
     """The robot with the shortest way left goes first; equal ones by smaller number."""
-
-    @dataclass(frozen=True, slots=True, kw_only=True)
-    class Options:
-        """No options."""
-
-    def __init__(self, options: Options) -> None:
-        self._options = options
 
     def ranks(self, view: PriorityView) -> IntArray:
         """See :class:`~mrta_falsify.core.protocols.PriorityRule`."""
