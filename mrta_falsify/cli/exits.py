@@ -107,10 +107,9 @@ class Door(click.Group):
         except (InputError, PlaceError) as error:
             _say(str(error))
             return ExitCode.BAD_INPUT
-        except (click.Abort, KeyboardInterrupt) as error:
+        except (click.Abort, KeyboardInterrupt) as error:  # click's is the end of the input here
             _abandon_stdout()
-            told = error.__cause__ if isinstance(error, click.Abort) else error
-            _say("interrupted" + (f": {told}" if isinstance(told, Interrupted) else ""))
+            _say("interrupted" + (f": {error}" if isinstance(error, Interrupted) else ""))
             return ExitCode.INTERRUPTED
         except BrokenPipeError:
             _abandon_stdout()  # the reader of our output has gone
