@@ -215,10 +215,9 @@ def moving_scene(world: World, trace: Trace, tick: int, *, trail: float) -> tupl
 
 def path_scene(trace: Trace, tick: int) -> tuple[Shape, ...]:
     """Describe the paths that robots follow at a tick."""
-    paths = [trace.path_at(robot, tick) for robot in range(len(trace.robots))]
     return tuple(
         Shape(role=Role.PATH, points=points, number=robot)
-        for robot, points in enumerate(paths)
+        for robot, points in sorted(trace.paths_at(tick).items())
         if len(points)
     )
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import bisect
 import hashlib
+import itertools
 import json
 import operator
 import zipfile
@@ -87,11 +87,14 @@ class Trace:
         times = self.columns["time"]
         return float(times[-1]) if len(times) else 0.0
 
+    def paths_at(self, tick: int) -> dict[int, Array]:
+        """Find the paths ``(L, 2)`` [m] at ``tick``, by the number of a robot that has had one."""
+        changes = itertools.takewhile(lambda change: change.tick <= tick, self.paths)
+        return {change.robot: change.points for change in changes}
+
     def path_at(self, robot: int, tick: int) -> Array:
         """Find the path ``(L, 2)`` [m] that a robot follows at ``tick``; empty if none."""
-        own = [change for change in self.paths if change.robot == robot]
-        number = bisect.bisect_right(own, tick, key=lambda change: change.tick)
-        return own[number - 1].points if number else np.empty((0, 2))
+        return self.paths_at(tick).get(robot, np.empty((0, 2)))
 
     def edges_at(self, tick: int) -> tuple[BlockedBy, ...]:
         """Find the blocked-by edges that held at ``tick``."""
