@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mrta_falsify.core.record import TrialRecord
     from mrta_falsify.core.verdict import Verdict
 
-ABOVE_ZERO = "a trial that fails by secondary specifications only scores 0 or more"
+ABOVE_ZERO = "0 or more where only secondary specifications are violated"
 
 
 @main.command("list")
