@@ -78,7 +78,7 @@ class ChangedRun:
     things: tuple[str, ...] = ()  #: names of what was left out
     change: str  #: in words, behind ``without`` or ``with``
     fate: Fate  #: ``otherwise``: it failed in another way; ``unknown``: not judged
-    detail: str = ""  #: how the run ended; told where the fate is ``otherwise`` or ``unknown``
+    detail: str = ""  #: how the run ended; of a vote, its counts
     #: runs in which it fails, of the world and its perturbed copies; null: of one run, or no answer
     vote: Vote | None = later(None)
 
